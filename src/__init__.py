@@ -1,0 +1,1 @@
+"""Training package of the testbed. It never imports ``analysis``."""
