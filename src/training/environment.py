@@ -1,0 +1,150 @@
+"""The training environment: one Gymnasium task for TorchRL's Collector, thin, fast, and saved in mid-episode.
+
+TorchRL's ``GymEnv`` costs more per step than most of the simulators here. This one does what the Collector needs
+and nothing else, and it is the one way to an exact resume that uses no private part of the Collector: an environment whose
+next ``reset()`` hands back a saved state (see :meth:`TrainingEnvironment.restore_on_next_reset`).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import torch
+from tensordict import TensorDict, TensorDictBase
+from torchrl.data import Binary, Bounded, Composite, Unbounded
+from torchrl.envs import EnvBase
+
+from src.config import ConfigurationError, EnvConfig
+from src.training.errors import CorruptState
+from src.training.gym_task import action_limit, make_gym, sizes
+
+__all__ = ["TrainingEnvironment", "make_gym", "sizes"]
+
+_CPU = torch.device("cpu")
+_NO_BATCH = torch.Size([])
+_FALSE = torch.zeros(1, dtype=torch.bool)
+_TRUE = torch.ones(1, dtype=torch.bool)
+_RUNNING = {"done": _FALSE, "terminated": _FALSE, "truncated": _FALSE}
+
+
+class TrainingEnvironment(EnvBase):
+    """A TorchRL environment over :func:`make_gym`, on the CPU, without a batch dimension.
+
+    Keys: ``observation`` float32 [N], ``action`` float32 [M], ``reward`` float32 [1], ``terminated``, ``truncated``,
+    ``done`` bool [1], ``episode`` float64 [2]: the return and the length of the episode so far, this step included.
+    At the end of an episode ``("next", "observation")`` is the episode's own last observation.
+
+    Args:
+        config: the task.
+        seed: seeds the next ``reset()``; the episodes after it follow from the task's own generator.
+
+    Raises:
+        ConfigurationError: as :func:`make_gym`, or the task's simulator is not MuJoCo (its state could not be saved).
+    """
+
+    def __init__(self, config: EnvConfig, seed: int | None = None) -> None:
+        super().__init__(device=_CPU, batch_size=_NO_BATCH)
+        self.config = config
+        self._gym = make_gym(config)
+        from src.training import simulator_state  # after make_gym, which says clearly when MuJoCo is missing
+
+        if not simulator_state.is_mujoco(self._gym):
+            raise ConfigurationError(
+                f"env.id: {config.id} is no MuJoCo task of Gymnasium, so a run on it could not be saved and resumed."
+            )
+        self._simulator = simulator_state
+        self.observation_size, self.action_size = sizes(config)
+        self.action_limit = action_limit(self._gym)
+        self._declare_specs()
+        self._next_seed = seed
+        self._armed: dict[str, Any] | None = None
+        self._observation = torch.zeros(self.observation_size)
+        self._return = 0.0
+        self._length = 0
+
+    def _declare_specs(self) -> None:
+        flag = Binary(1, dtype=torch.bool, shape=(1,))
+        self.observation_spec = Composite(
+            observation=Unbounded((self.observation_size,)), episode=Unbounded((2,), dtype=torch.float64)
+        )
+        self.action_spec = Bounded(-self.action_limit, self.action_limit, (self.action_size,), dtype=torch.float32)
+        self.reward_spec = Unbounded((1,))
+        self.full_done_spec = Composite(done=flag, terminated=flag.clone(), truncated=flag.clone())
+
+    def _set_seed(self, seed: int | None) -> None:
+        self._next_seed = seed
+
+    def save_state(self) -> dict[str, Any]:
+        """The environment between two steps: tensors, numbers and strings (``torch.load(weights_only=True)``)."""
+        state = self._simulator.capture(self._gym)
+        state["observation"] = self._observation.clone()
+        state["episode_return"] = self._return
+        state["episode_length"] = self._length
+        return state
+
+    def restore_on_next_reset(self, state: dict[str, Any]) -> None:
+        """The next ``reset()``, instead of starting an episode, goes on from ``state`` (of :meth:`save_state`).
+
+        Whatever seed was set is forgotten then: the task's generator is part of the state.
+        """
+        self._armed = state
+
+    def _reset(self, tensordict: TensorDictBase | None = None, **kwargs: Any) -> TensorDictBase:
+        if self._armed is not None:
+            self._resume(self._armed)
+        else:
+            observation, _ = self._gym.reset(seed=self._next_seed)
+            self._observation = torch.from_numpy(np.asarray(observation, np.float32))
+            self._return, self._length = 0.0, 0
+        self._armed = self._next_seed = None
+        return self._running(self._observation, torch.tensor([self._return, self._length], dtype=torch.float64))
+
+    def _resume(self, state: dict[str, Any]) -> None:
+        self._simulator.restore(self._gym, state)
+        try:
+            if state["observation"].shape != (self.observation_size,):
+                raise ValueError(f"observation has shape {tuple(state['observation'].shape)}")
+            self._observation = state["observation"].clone()
+            self._return, self._length = float(state["episode_return"]), int(state["episode_length"])
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise CorruptState(f"the saved environment does not fit the task: {error!r}") from error
+
+    @staticmethod
+    def _running(observation: torch.Tensor, episode: torch.Tensor) -> TensorDict:
+        return TensorDict({"observation": observation, "episode": episode, **_RUNNING}, _NO_BATCH, device=_CPU)
+
+    def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
+        observation, reward, terminated, truncated, _ = self._gym.step(tensordict.get("action").numpy())
+        self._observation = torch.from_numpy(np.asarray(observation, np.float32))
+        self._return += float(reward)
+        self._length += 1
+        return TensorDict(
+            {
+                "observation": self._observation,
+                "episode": torch.from_numpy(np.array((self._return, self._length))),
+                "reward": torch.from_numpy(np.array((reward,), np.float32)),
+                "terminated": _TRUE if terminated else _FALSE,
+                "truncated": _TRUE if truncated else _FALSE,
+                "done": _TRUE if terminated or truncated else _FALSE,
+            },
+            _NO_BATCH,
+            device=_CPU,
+        )
+
+    def step_and_maybe_reset(self, tensordict: TensorDictBase) -> tuple[TensorDictBase, TensorDictBase]:
+        """One step, and a new episode where one ended: what the Collector calls.
+
+        The same as ``EnvBase``'s, without its checks, copies and bookkeeping for batches of environments.
+        """
+        outcome = self._step(tensordict)
+        tensordict.set("next", outcome)
+        if outcome.get("done").item():
+            return tensordict, self._reset()
+        return tensordict, self._running(self._observation, outcome.get("episode"))
+
+    def close(self, *, raise_if_closed: bool = True) -> None:
+        """Release the simulator."""
+        if not self.is_closed:
+            self._gym.close()
+        super().close(raise_if_closed=raise_if_closed)
