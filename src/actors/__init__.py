@@ -1,0 +1,1 @@
+"""The actors: population encoder, synapses, spiking neurons, decoder, and the networks made of them."""

@@ -1,0 +1,41 @@
+"""What every actor offers to the algorithms and the training loop."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+
+from src.actors.health import ActorHealth
+
+
+class Actor(nn.Module):
+    """A policy network ``observation [B, N] -> raw action [B, M]``, before squashing.
+
+    An actor of your own needs :meth:`forward` only; what it does not override means "nothing to do here".
+    """
+
+    def forward(self, observation: Tensor, generator: torch.Generator | None = None) -> Tensor:
+        """Raw action, ``[B, M]``.
+
+        Args:
+            observation: normalised observations, ``[B, N]``, float32.
+            generator: the stream of an actor that draws (Poisson coding).
+        """
+        raise NotImplementedError
+
+    def forward_with_health(
+        self, observation: Tensor, generator: torch.Generator | None = None
+    ) -> tuple[Tensor, ActorHealth]:
+        """:meth:`forward` with the spiking health of the same pass; gradients flow through the raw action."""
+        return self(observation, generator), ActorHealth(None, ())
+
+    def layer_parameters(self) -> list[list[nn.Parameter]]:
+        """The parameters of each spiking layer, for gradient norms."""
+        return []
+
+    def project(self) -> None:
+        """Bring the parameters back into their range; called after each optimizer step."""
+
+    def connection_count(self) -> int:
+        """Learnable numbers; of a dendritic layer each unmasked synapse once."""
+        return sum(parameter.numel() for parameter in self.parameters() if parameter.requires_grad)

@@ -1,0 +1,98 @@
+"""Spike coding: from stimulation strength to spike trains [P, Poisson coding, Deterministic coding].
+
+Deterministic, over tau = 1..T from v' = 0::
+
+    v' += A;   spike if v' > theta;   v' -= theta where it spiked          (theta = 0.999)
+
+Poisson: ``spike_tau ~ Bernoulli(A)`` independently per step.
+
+The gradient is straight through: poisson ``d spike_tau / d A = 1``; deterministic ``d spike_tau / d v'_tau = 1``, not
+detached through the soft reset, so ``d spike_tau / d A = a_tau`` with ``a_1 = 1, a_(tau+1) = (1 - theta) a_tau + 1``.
+Both depend on no data: ``grad_A = sum over tau of a_tau * grad_spike_tau``.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import torch
+from torch import Tensor
+
+Coding = Literal["poisson", "deterministic"]
+
+
+def encode(
+    strength: Tensor, coding: Coding, time_steps: int, threshold: float, generator: torch.Generator | None
+) -> Tensor:
+    """Spike trains without gradient.
+
+    Args:
+        strength: stimulation strength A, ``[B, n]``, in (0, 1].
+        coding: poisson or deterministic.
+        time_steps: T.
+        threshold: of the deterministic coding.
+        generator: the stream that Poisson coding draws from; its device is that of the draws.
+
+    Returns:
+        Spikes, ``[T, B, n]``, 0 or 1, of the dtype of ``strength``.
+
+    Raises:
+        ValueError: Poisson coding without a generator.
+    """
+    if coding == "deterministic":
+        return deterministic_spikes(strength.detach(), time_steps, threshold)
+    draws = poisson_draws(strength, time_steps, generator)
+    return draws.lt_(strength.detach())
+
+
+def poisson_draws(strength: Tensor, time_steps: int, generator: torch.Generator | None) -> Tensor:
+    """Uniform draws in [0, 1) for Poisson coding, ``[T, B, n]``; raises ValueError without a generator."""
+    if generator is None:
+        raise ValueError("Poisson coding draws random spikes: call the actor with generator=...")
+    shape = (time_steps, *strength.shape)
+    return torch.rand(shape, generator=generator, device=generator.device, dtype=strength.dtype).to(strength.device)
+
+
+def deterministic_spikes(strength: Tensor, time_steps: int, threshold: float) -> Tensor:
+    """Deterministic spike trains ``[T, B, n]`` of a strength ``[B, n]``, without gradient."""
+    spikes = strength.new_empty((time_steps, *strength.shape))
+    voltage = torch.zeros_like(strength)
+    for step in range(time_steps):
+        voltage = voltage + strength
+        torch.gt(voltage, threshold, out=spikes[step])
+        voltage = voltage - threshold * spikes[step]
+    return spikes
+
+
+def coding_gradient(coding: Coding, time_steps: int, threshold: float) -> list[float]:
+    """``a_tau = d spike_tau / d A`` for tau = 1..T."""
+    if coding == "poisson":
+        return [1.0] * time_steps
+    gradient = [1.0]
+    while len(gradient) < time_steps:
+        gradient.append((1.0 - threshold) * gradient[-1] + 1.0)
+    return gradient
+
+
+class StraightThroughSpikes(torch.autograd.Function):
+    """:func:`encode` with its straight-through gradient."""
+
+    @staticmethod
+    def forward(
+        ctx: torch.autograd.function.FunctionCtx,
+        strength: Tensor,
+        coding: Coding,
+        time_steps: int,
+        threshold: float,
+        generator: torch.Generator | None,
+    ) -> Tensor:
+        """Spikes ``[T, B, n]``."""
+        ctx.coefficients = coding_gradient(coding, time_steps, threshold)  # type: ignore[attr-defined]
+        return encode(strength, coding, time_steps, threshold, generator)
+
+    @staticmethod
+    def backward(ctx: torch.autograd.function.FunctionCtx, *grads: Tensor) -> tuple[Tensor, None, None, None, None]:
+        """Sum over tau of ``a_tau * grad_spike_tau``."""
+        (grad_spikes,) = grads
+        coefficients = grad_spikes.new_tensor(ctx.coefficients)  # type: ignore[attr-defined]
+        return torch.tensordot(coefficients, grad_spikes, dims=1), None, None, None, None

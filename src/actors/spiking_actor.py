@@ -1,0 +1,119 @@
+"""The spiking actor network: PopSAN, BPT-SAN and its ablations are one class, told apart by configuration.
+
+    observation -> population encoder -> spiking layers -> population decoder -> raw action
+
+Without dendrites (``branches=1``) and lateral interaction (``radius=0``) BPT-SAN is PopSAN, bit for bit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from typing import cast
+
+import torch
+from torch import Tensor, nn
+
+from src.actors.actor import Actor
+from src.actors.decoder import PopulationDecoder
+from src.actors.health import ActorHealth, LayerHealth, layer_health
+from src.actors.initialisation import Initialiser
+from src.actors.lif import LIFConstants
+from src.actors.population_encoder import PopulationEncoder
+from src.actors.spiking_layer import SpikingLayer
+from src.config import EncoderConfig, SpikingActorConfig
+from src.streams import Streams
+
+
+class SpikingActor(Actor):
+    """A population-coded spiking actor.
+
+    Args:
+        config: layers, neurons, dendrites, lateral interaction.
+        encoder: receptive fields and spike coding.
+        observation_size: N.
+        action_size: M.
+        streams: the run's random streams; initialisation and, without ``mask_seed``, the dendritic partition.
+
+    Raises:
+        ConfigurationError: more branches than a layer has inputs.
+    """
+
+    def __init__(
+        self,
+        config: SpikingActorConfig,
+        encoder: EncoderConfig,
+        observation_size: int,
+        action_size: int,
+        streams: Streams,
+    ) -> None:
+        super().__init__()
+        initialiser = Initialiser(streams)
+        masks = streams if config.mask_seed is None else Streams(config.mask_seed)
+        constants = LIFConstants(
+            config.current_decay,
+            config.voltage_decay,
+            config.threshold,
+            config.surrogate_window,
+            config.reset_gradient,
+            config.lateral_gradient,
+        )
+        self.encoder = PopulationEncoder(encoder, observation_size, config.time_steps)
+        sizes = (self.encoder.size, *config.hidden_sizes, action_size * config.output_population)
+        self.layers = nn.ModuleList()
+        for index, (inputs, neurons) in enumerate(pairwise(sizes)):
+            plain = index == len(config.hidden_sizes) and not config.dendritic.output_topology
+            layer = SpikingLayer(
+                replace(config.dendritic, branches=1) if plain else config.dendritic,
+                replace(config.lateral, radius=0) if plain else config.lateral,
+                constants,
+                inputs,
+                neurons,
+                initialiser.at("layers").at(index),
+                masks.sequence("dendrite mask", index),
+            )
+            self.layers.append(layer)
+        self.decoder = PopulationDecoder(action_size, config.output_population, initialiser.at("decoder"))
+
+    def forward(self, observation: Tensor, generator: torch.Generator | None = None) -> Tensor:
+        """Raw action ``[B, M]``; raises ValueError when Poisson coding has no generator."""
+        return self._pass(observation, generator, None)
+
+    def forward_with_health(
+        self, observation: Tensor, generator: torch.Generator | None = None
+    ) -> tuple[Tensor, ActorHealth]:
+        """:meth:`forward`, and the firing rates and saturation of every layer in the same pass."""
+        health: list[Tensor | LayerHealth] = []
+        raw = self._pass(observation, generator, health)
+        input_rate, *layers = health
+        return raw, ActorHealth(input_rate, tuple(layers))  # type: ignore[arg-type]
+
+    def _pass(
+        self, observation: Tensor, generator: torch.Generator | None, health: list[Tensor | LayerHealth] | None
+    ) -> Tensor:
+        strength = self.encoder.strength(observation)
+        spikes = self.encoder.encode(strength, generator)
+        if health is not None:
+            health.append(spikes.mean())
+        for index, layer in enumerate(self.spiking_layers()):
+            if index == 0:
+                currents = layer.synapse.encoded(strength, spikes, self.encoder.coding_gradient())
+            else:
+                currents = layer.synapse(spikes)
+            spikes, membrane_potential = layer(currents, membrane=health is not None)
+            if health is not None and membrane_potential is not None:
+                constants = layer.constants
+                health.append(layer_health(spikes, membrane_potential, constants.threshold, constants.window))
+        return self.decoder(spikes)
+
+    def spiking_layers(self) -> list[SpikingLayer]:
+        """The layers in the order of the data, the output population last."""
+        return [cast(SpikingLayer, layer) for layer in self.layers]
+
+    def layer_parameters(self) -> list[list[nn.Parameter]]:
+        """Weight, bias and lateral weights of each spiking layer, the output population last."""
+        return [list(layer.parameters()) for layer in self.layers]
+
+    def project(self) -> None:
+        """Keep the encoder's sigma at or above its floor."""
+        self.encoder.project()

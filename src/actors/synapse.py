@@ -1,0 +1,122 @@
+"""Inter-layer connections: linear synapses, or nonlinear dendritic trees [P, ``Inter``].
+
+A neuron with d dendritic branches sums its weighted inputs on each branch; the max over branches is taken by the
+neuron (:mod:`src.actors.lif`). Each synapse lies on exactly one branch, so the weights are one dense matrix
+``[n, inputs]``, as many as of a linear layer, and a branch index for each.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from src.actors.branch_weights import BranchWeights
+from src.actors.initialisation import Initialiser
+from src.actors.partition import dendritic_partition
+from src.config import DendriticConfig
+
+
+class Synapse(nn.Module):
+    """From the spikes of a layer to the branch currents of the next.
+
+    Weight and bias are drawn in PyTorch's default distribution for Linear.
+
+    Args:
+        config: branches (1 is the linear synapse), bias and fan-in.
+        inputs: neurons of the layer before.
+        neurons: n, of this layer.
+        initialiser: of this module.
+        partition_seed: seed sequence of the dendritic partition.
+    """
+
+    branch: Tensor | None
+
+    def __init__(
+        self,
+        config: DendriticConfig,
+        inputs: int,
+        neurons: int,
+        initialiser: Initialiser,
+        partition_seed: np.random.SeedSequence,
+    ) -> None:
+        super().__init__()
+        self.branches = config.branches
+        fan_in = inputs / self.branches if config.init_fan_in == "branch" else inputs
+        bound = 1.0 / math.sqrt(fan_in)
+        self.bias_per_branch = config.bias == "branch" and self.branches > 1
+        self.weight = initialiser.uniform("weight", (neurons, inputs), bound)
+        bias_shape = (self.branches, neurons) if self.bias_per_branch else (neurons,)
+        self.bias = initialiser.uniform("bias", bias_shape, bound)
+        branch = dendritic_partition(partition_seed, neurons, inputs, self.branches) if self.branches > 1 else None
+        self.register_buffer("branch", branch, persistent=False)
+        self._cached: tuple[tuple[int, int], Tensor] | None = None
+
+    def branch_weights(self) -> Tensor:
+        """Weights of each branch, ``[d*n, inputs]``, branch by branch, 0 where the synapse lies on another one.
+
+        Without gradient they are kept until the weight changes: acting expands them once, not at every step.
+        """
+        if self.branch is None:
+            return self.weight
+        if torch.is_grad_enabled() and self.weight.requires_grad:
+            return BranchWeights.apply(self.weight, self.branch, self.branches)  # type: ignore[no-untyped-call]
+        key = (self.weight._version, self.weight.data_ptr())
+        if self._cached is None or self._cached[0] != key:
+            self._cached = (key, BranchWeights.apply(self.weight, self.branch, self.branches))  # type: ignore[no-untyped-call]
+        return self._cached[1]
+
+    @property
+    def branch_bias(self) -> Tensor | None:
+        """Bias inside the max, ``[d*n]``, or None."""
+        return self.bias.flatten() if self.bias_per_branch else None
+
+    @property
+    def neuron_bias(self) -> Tensor | None:
+        """Bias after the max, ``[n]``, or None."""
+        return None if self.bias_per_branch else self.bias
+
+    def forward(self, spikes: Tensor) -> Tensor:
+        """Branch currents of all steps in one product, ``[T, B, inputs] -> [T, B, d*n]``."""
+        return F.linear(spikes, self.branch_weights(), self.branch_bias)
+
+    def encoded(self, strength: Tensor, spikes: Tensor, coding_gradient: list[float]) -> Tensor:
+        """:meth:`forward` on spikes that encode a strength ``[B, inputs]``, with straight-through gradient to it."""
+        return EncodedCurrents.apply(strength, spikes, self.branch_weights(), self.branch_bias, coding_gradient)  # type: ignore[no-untyped-call]
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_cached": None}
+
+
+class EncodedCurrents(torch.autograd.Function):
+    """Currents of the first layer, with a gradient to the strength A that costs B rows instead of T*B.
+
+    With ``z_tau = W I_tau`` and ``dI_tau/dA = a_tau``:  ``grad_A = (sum over tau of a_tau grad_z_tau) W``.
+    """
+
+    @staticmethod
+    def forward(
+        ctx: Any, strength: Tensor, spikes: Tensor, weight: Tensor, bias: Tensor | None, coding_gradient: list[float]
+    ) -> Tensor:
+        """``[T, B, inputs] -> [T, B, outputs]``."""
+        ctx.save_for_backward(spikes, weight)
+        ctx.coding_gradient = coding_gradient
+        return F.linear(spikes, weight, bias)
+
+    @staticmethod
+    def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor | None, None, Tensor | None, Tensor | None, None]:
+        """Gradients to strength ``[B, inputs]``, weight and bias."""
+        (grad,) = grads
+        spikes, weight = ctx.saved_tensors
+        grad_strength = grad_weight = grad_bias = None
+        if ctx.needs_input_grad[0]:
+            grad_strength = torch.tensordot(grad.new_tensor(ctx.coding_gradient), grad, dims=1) @ weight
+        if ctx.needs_input_grad[2]:
+            grad_weight = grad.flatten(0, 1).T @ spikes.flatten(0, 1)
+        if ctx.needs_input_grad[3]:
+            grad_bias = grad.sum(dim=(0, 1))
+        return grad_strength, None, grad_weight, grad_bias, None
