@@ -7,6 +7,7 @@ next ``reset()`` hands back a saved state (see :meth:`TrainingEnvironment.restor
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,16 @@ _NO_BATCH = torch.Size([])
 _FALSE = torch.zeros(1, dtype=torch.bool)
 _TRUE = torch.ones(1, dtype=torch.bool)
 _RUNNING = {"done": _FALSE, "terminated": _FALSE, "truncated": _FALSE}
+
+
+@dataclass(slots=True)
+class _Episode:
+    """What the environment knows of the running episode (a plain object: ``EnvBase`` is slow to set attributes on)."""
+
+    observation: torch.Tensor  # float32 [N], the last one
+    episode_return: float  # in float64
+    length: int
+    ended: bool
 
 
 class TrainingEnvironment(EnvBase):
@@ -59,9 +70,7 @@ class TrainingEnvironment(EnvBase):
         self._declare_specs()
         self._next_seed = seed
         self._armed: dict[str, Any] | None = None
-        self._observation = torch.zeros(self.observation_size)
-        self._return = 0.0
-        self._length = 0
+        self._episode = _Episode(torch.zeros(self.observation_size), 0.0, 0, False)
 
     def _declare_specs(self) -> None:
         flag = Binary(1, dtype=torch.bool, shape=(1,))
@@ -78,9 +87,9 @@ class TrainingEnvironment(EnvBase):
     def save_state(self) -> dict[str, Any]:
         """The environment between two steps: tensors, numbers and strings (``torch.load(weights_only=True)``)."""
         state = self._simulator.capture(self._gym)
-        state["observation"] = self._observation.clone()
-        state["episode_return"] = self._return
-        state["episode_length"] = self._length
+        state["observation"] = self._episode.observation.clone()
+        state["episode_return"] = self._episode.episode_return
+        state["episode_length"] = self._episode.length
         return state
 
     def restore_on_next_reset(self, state: dict[str, Any]) -> None:
@@ -92,56 +101,54 @@ class TrainingEnvironment(EnvBase):
 
     def _reset(self, tensordict: TensorDictBase | None = None, **kwargs: Any) -> TensorDictBase:
         if self._armed is not None:
-            self._resume(self._armed)
+            self._episode = self._resumed(self._armed)
         else:
             observation, _ = self._gym.reset(seed=self._next_seed)
-            self._observation = torch.from_numpy(np.asarray(observation, np.float32))
-            self._return, self._length = 0.0, 0
+            self._episode = _Episode(torch.from_numpy(np.asarray(observation, np.float32)), 0.0, 0, False)
         self._armed = self._next_seed = None
-        return self._running(self._observation, torch.tensor([self._return, self._length], dtype=torch.float64))
+        return self._before_step()
 
-    def _resume(self, state: dict[str, Any]) -> None:
+    def _resumed(self, state: dict[str, Any]) -> _Episode:
         self._simulator.restore(self._gym, state)
         try:
-            if state["observation"].shape != (self.observation_size,):
-                raise ValueError(f"observation has shape {tuple(state['observation'].shape)}")
-            self._observation = state["observation"].clone()
-            self._return, self._length = float(state["episode_return"]), int(state["episode_length"])
+            observation = state["observation"].clone()
+            if observation.shape != (self.observation_size,) or observation.dtype != torch.float32:
+                raise ValueError(f"observation has shape {tuple(observation.shape)} and type {observation.dtype}")
+            return _Episode(observation, float(state["episode_return"]), int(state["episode_length"]), False)
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise CorruptState(f"the saved environment does not fit the task: {error!r}") from error
 
-    @staticmethod
-    def _running(observation: torch.Tensor, episode: torch.Tensor) -> TensorDict:
-        return TensorDict({"observation": observation, "episode": episode, **_RUNNING}, _NO_BATCH, device=_CPU)
+    def _progress(self) -> torch.Tensor:
+        return torch.from_numpy(np.array((self._episode.episode_return, self._episode.length), np.float64))
+
+    def _before_step(self) -> TensorDict:
+        content = {"observation": self._episode.observation, "episode": self._progress(), **_RUNNING}
+        return TensorDict(content, _NO_BATCH, device=_CPU)
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
+        episode = self._episode
         observation, reward, terminated, truncated, _ = self._gym.step(tensordict.get("action").numpy())
-        self._observation = torch.from_numpy(np.asarray(observation, np.float32))
-        self._return += float(reward)
-        self._length += 1
-        return TensorDict(
-            {
-                "observation": self._observation,
-                "episode": torch.from_numpy(np.array((self._return, self._length))),
-                "reward": torch.from_numpy(np.array((reward,), np.float32)),
-                "terminated": _TRUE if terminated else _FALSE,
-                "truncated": _TRUE if truncated else _FALSE,
-                "done": _TRUE if terminated or truncated else _FALSE,
-            },
-            _NO_BATCH,
-            device=_CPU,
-        )
+        episode.observation = torch.from_numpy(np.asarray(observation, np.float32))
+        episode.episode_return += float(reward)
+        episode.length += 1
+        episode.ended = bool(terminated or truncated)
+        content = {
+            "observation": episode.observation,
+            "episode": self._progress(),
+            "reward": torch.from_numpy(np.array((reward,), np.float32)),
+            "terminated": _TRUE if terminated else _FALSE,
+            "truncated": _TRUE if truncated else _FALSE,
+            "done": _TRUE if episode.ended else _FALSE,
+        }
+        return TensorDict(content, _NO_BATCH, device=_CPU)
 
     def step_and_maybe_reset(self, tensordict: TensorDictBase) -> tuple[TensorDictBase, TensorDictBase]:
         """One step, and a new episode where one ended: what the Collector calls.
 
         The same as ``EnvBase``'s, without its checks, copies and bookkeeping for batches of environments.
         """
-        outcome = self._step(tensordict)
-        tensordict.set("next", outcome)
-        if outcome.get("done").item():
-            return tensordict, self._reset()
-        return tensordict, self._running(self._observation, outcome.get("episode"))
+        tensordict.set("next", self._step(tensordict))
+        return tensordict, self._reset() if self._episode.ended else self._before_step()
 
     def close(self, *, raise_if_closed: bool = True) -> None:
         """Release the simulator."""

@@ -1,0 +1,37 @@
+"""All parameters of a module in one flat tensor: one Adam call and one Polyak call instead of one per parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor, nn
+
+
+class FlatParameters:
+    """Re-points the parameters of ``modules`` to views of one flat tensor, the modules keep working as before.
+    """
+
+    def __init__(self, modules: Sequence[nn.Module]) -> None:
+        self.parameters = [p for module in modules for p in module.parameters() if p.requires_grad]
+        self.values = torch.cat([p.detach().reshape(-1) for p in self.parameters])
+        self.gradient = torch.zeros_like(self.values)
+        offset = 0
+        for p in self.parameters:
+            p.data = self.values[offset : offset + p.numel()].view(p.shape)
+            offset += p.numel()
+
+    def adam(self, learning_rate: float) -> torch.optim.Adam:
+        """Adam over the flat tensor: betas (0.9, 0.999), eps 1e-8 [SU]."""
+        flat = nn.Parameter(self.values)
+        flat.grad = self.gradient
+        return torch.optim.Adam([flat], lr=learning_rate, eps=1e-8, fused=True)
+
+    def join(self, gradients: Sequence[Tensor]) -> None:
+        """Copy gradients, in the order of ``parameters``, into the flat ``gradient`` that the optimizer reads."""
+        torch.cat([g.reshape(-1) for g in gradients], out=self.gradient)
+
+    @torch.no_grad()
+    def follow(self, online: FlatParameters, polyak: float) -> None:
+        """Polyak averaging of a target network: ``target <- polyak * target + (1 - polyak) * online`` [SU]."""
+        self.values.lerp_(online.values, 1.0 - polyak)

@@ -1,0 +1,87 @@
+"""TD3's update: critics every step, actor and targets every ``policy_delay`` steps (METHOD section 3)."""
+
+from __future__ import annotations
+
+import copy
+
+import torch
+from torch import Tensor, nn
+
+from src.algorithms import td3
+from src.algorithms.critic import TwinCritic
+from src.algorithms.learner import Learner, Minibatches, UpdateStreams
+from src.algorithms.metrics import BurstRecord
+from src.algorithms.parameters import FlatParameters
+from src.algorithms.policy import DeterministicPolicy
+from src.config import TD3Config
+
+
+class TD3Learner(Learner):
+    """TD3 for any actor.
+
+    Args:
+        config: hyper-parameters.
+        actor: network ``[B, N] -> raw [B, M]``.
+        critic: the twin critics.
+        action_limit: bound of the actions.
+        streams: exploration noise, target noise and encoder draws.
+    """
+
+    def __init__(
+        self, config: TD3Config, actor: nn.Module, critic: TwinCritic, action_limit: float, streams: UpdateStreams
+    ) -> None:
+        super().__init__()
+        self.config, self.streams, self.action_limit = config, streams, action_limit
+        self.policy, self.critic = DeterministicPolicy(actor, action_limit), critic
+        self.target_policy, self.target_critic = copy.deepcopy(self.policy), copy.deepcopy(critic)
+        self.modules = {
+            "actor": actor,
+            "critic": critic,
+            "target_actor": self.target_policy.actor,
+            "target_critic": self.target_critic,
+        }
+        self.flat = {name: FlatParameters([module]) for name, module in self.modules.items()}
+        self.optimizers = {
+            "actor": self.flat["actor"].adam(config.actor_learning_rate),
+            "critic": self.flat["critic"].adam(config.critic_learning_rate),
+        }
+
+    @torch.no_grad()
+    def explore(self, observation: Tensor) -> Tensor:
+        """``clip(pi(s) + N(0, exploration_noise), -limit, limit)`` [SU]."""
+        action = self.policy(observation, self.streams.encoder)
+        noise = torch.randn(action.shape, generator=self.streams.exploration).to(action.device)
+        return (action + self.config.exploration_noise * noise).clamp_(-self.action_limit, self.action_limit)
+
+    def update(self, burst: Minibatches) -> dict[str, float]:
+        """See :meth:`Learner.update`; the actor's delay counter starts anew with each burst [SU]."""
+        c, record = self.config, BurstRecord()
+        noise = c.target_noise * torch.randn(burst.action.shape, generator=self.streams.target_noise)
+        batches = zip(*(x.unbind() for x in burst), noise.to(burst.action.device).unbind())
+        for index, (observation, action, reward, next_observation, terminated, smoothing) in enumerate(batches):
+            with torch.no_grad():
+                next_action = td3.smoothed_target_action(
+                    self.target_policy(next_observation, self.streams.encoder),
+                    smoothing,
+                    c.target_noise_clip,
+                    self.action_limit,
+                )
+                next_values = self.target_critic(next_observation, next_action)
+                target = td3.bellman_target(reward, terminated, next_values, c.discount)
+            values = self.critic(observation, action)
+            loss = td3.critic_loss(values, target)
+            self.critic_step(loss, values, record)
+            if index % c.policy_delay == 0:
+                self._update_actor(observation, record, with_health=index == 0)
+        return record.means()
+
+    def _update_actor(self, observation: Tensor, record: BurstRecord, with_health: bool) -> None:
+        actor, health = self.policy.actor, None
+        if with_health:
+            raw, health = actor.forward_with_health(observation, self.streams.encoder)  # type: ignore[operator]
+        else:
+            raw = actor(observation, self.streams.encoder)
+        loss = td3.actor_loss(self.critic.first_frozen(observation, self.policy.squash(raw)))
+        self.actor_step(loss, record, health)
+        self.flat["target_actor"].follow(self.flat["actor"], self.config.polyak)
+        self.flat["target_critic"].follow(self.flat["critic"], self.config.polyak)

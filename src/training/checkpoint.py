@@ -1,0 +1,95 @@
+"""Checkpoints that count only when whole: written beside, synced, renamed; the previous one stays until then.
+
+A file is a magic line, the SHA-256 of what follows, and a ``torch.save`` archive that is read with ``weights_only=True``:
+nothing here unpickles objects. A truncated or corrupt file is recognised by its hash and the one before it is used.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import os
+from pathlib import Path
+from typing import Any
+
+import torch
+
+_MAGIC = b"spiking-actor-checkpoint 1\n"
+_KEEP = 2
+
+
+class CorruptCheckpoint(RuntimeError):
+    """A file is not a whole checkpoint, or no whole checkpoint is left; the message says what to do."""
+
+
+def write_archive(path: Path, content: Any) -> None:
+    """Write ``content`` (tensors and plain containers) atomically and durably to ``path``."""
+    buffer = io.BytesIO()
+    torch.save(content, buffer)
+    body = buffer.getbuffer()
+    beside = path.with_name(path.name + ".part")
+    with beside.open("wb") as file:
+        file.write(_MAGIC + hashlib.sha256(body).digest())
+        file.write(body)
+        file.flush()
+        os.fsync(file.fileno())
+    beside.replace(path)
+    folder = os.open(path.parent, os.O_RDONLY)
+    try:
+        os.fsync(folder)
+    finally:
+        os.close(folder)
+
+
+def read_archive(path: Path) -> Any:
+    """Read what :func:`write_archive` wrote.
+
+    Raises:
+        CorruptCheckpoint: the file is truncated, altered, or something else.
+    """
+    data = memoryview(path.read_bytes())
+    digest, body = data[len(_MAGIC) : len(_MAGIC) + 32], data[len(_MAGIC) + 32 :]
+    if bytes(data[: len(_MAGIC)]) != _MAGIC or hashlib.sha256(body).digest() != bytes(digest):
+        raise CorruptCheckpoint(f"{path.name} is truncated or not a checkpoint")
+    return torch.load(io.BytesIO(body), weights_only=True, map_location="cpu")
+
+
+class CheckpointFolder:
+    """The last two checkpoints of a run, ``checkpoint-<step>.pt`` in its ``state/`` folder."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def paths(self) -> list[Path]:
+        """Checkpoint files, newest step first."""
+        return sorted(self.folder.glob("checkpoint-*.pt"), reverse=True)
+
+    def save(self, step: int, content: Any) -> None:
+        """Write the checkpoint of ``step`` and drop all but the newest two."""
+        write_archive(self.folder / f"checkpoint-{step:012d}.pt", content)
+        for old in self.paths()[_KEEP:]:
+            old.unlink()
+
+    def load(self) -> tuple[Any | None, list[str]]:
+        """The newest whole checkpoint (None where there is no file), and notes on corrupt ones passed over.
+
+        Raises:
+            CorruptCheckpoint: there are checkpoint files, and none of them is whole.
+        """
+        notes: list[str] = []
+        for path in self.paths():
+            try:
+                return read_archive(path), notes
+            except (CorruptCheckpoint, OSError) as error:
+                notes.append(f"passed over {path.name}: {error}")
+        if notes:
+            raise CorruptCheckpoint(
+                "no whole checkpoint is left (" + "; ".join(notes) + "): start this run over with "
+                "on_conflict=replace, or restore its state/ folder from a backup"
+            )
+        return None, notes
+
+    def clear(self) -> None:
+        """Remove all checkpoints (of a complete run)."""
+        for path in self.paths():
+            path.unlink()

@@ -1,0 +1,61 @@
+"""The self-contained policy that a finished run leaves: weights, normaliser and configuration in one file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from src.actors.build import build_actor
+from src.algorithms.learner import Learner
+from src.algorithms.policy import DeterministicPolicy
+from src.config import ExperimentConfig, to_dict, validate
+from src.streams import Streams
+from src.training.checkpoint import read_archive, write_archive
+from src.training.normalization import ObservationNormalizer
+
+POLICY_FILE = "policy.pt"
+
+
+def save_policy(
+    path: Path, config: ExperimentConfig, learner: Learner, normalizer: ObservationNormalizer, sizes: tuple[int, int]
+) -> None:
+    """Write the deterministic policy of a run to ``path``; ``sizes`` is (N, M)."""
+    write_archive(
+        path,
+        {
+            "config": to_dict(config),
+            "observation_size": sizes[0],
+            "action_size": sizes[1],
+            "action_limit": learner.policy.action_limit,
+            "actor": {k: v.detach().cpu().clone() for k, v in learner.policy.actor.state_dict().items()},
+            "normalizer": normalizer.state_dict(),
+        },
+    )
+
+
+class TrainedPolicy:
+    """A policy read back from its file; nothing else of the run is needed.
+
+    Raises:
+        CorruptCheckpoint: the file is not a whole policy file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        content: dict[str, Any] = read_archive(path)
+        self.config = validate(content["config"])
+        actor = build_actor(
+            self.config, content["observation_size"], content["action_size"], Streams(self.config.seed)
+        )
+        actor.load_state_dict(content["actor"])
+        self.policy = DeterministicPolicy(actor.eval(), content["action_limit"])
+        self.normalizer = ObservationNormalizer.of(self.config, content["observation_size"])
+        self.normalizer.load_state_dict(content["normalizer"])
+
+    @torch.no_grad()
+    def act(self, observation: Tensor, generator: torch.Generator) -> Tensor:
+        """Actions ``[B, M]`` for raw observations ``[B, N]``."""
+        action: Tensor = self.policy(self.normalizer.normalize(observation), generator)
+        return action

@@ -1,0 +1,231 @@
+"""The training loop (METHOD sections 3 and 4) and everything that a resume must bring back (DESIGN section 4).
+
+collect 50 steps -> store -> normaliser -> 50 updates -> evaluate, log, checkpoint where due.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from src.algorithms.build import build_learner
+from src.algorithms.learner import Minibatches
+from src.algorithms.metrics import METRICS, Diverged, IntervalMeans, health_columns
+from src.config import ExperimentConfig
+from src.experiment.outcome import Outcome
+from src.experiment.progress import Progress
+from src.experiment.run_directory import RunDirectory
+from src.streams import Streams
+from src.training.checkpoint import CheckpointFolder
+from src.training.collection import make_collector, transitions
+from src.training.environment import TrainingEnvironment
+from src.training.evaluation import Evaluator
+from src.training.live_curves import open_live_curves
+from src.training.normalization import ObservationNormalizer
+from src.training.policy_file import POLICY_FILE, save_policy
+from src.training.replay import REPLAY_FILE, make_replay, sample_minibatches
+
+
+def train(
+    config: ExperimentConfig, run: RunDirectory, progress: Progress, stop_requested: Callable[[], bool]
+) -> Outcome:
+    """Train one cell of the grid to ``protocol.total_steps``, from its checkpoint where there is one.
+
+    Args:
+        config: the validated configuration.
+        run: its claimed run directory.
+        progress: where a person watches.
+        stop_requested: asked at every batch boundary; once true, the run writes a checkpoint and ends.
+
+    Returns:
+        How it ended. ``complete`` leaves ``state/policy.pt``.
+    """
+    torch.set_num_threads(config.threads)
+    return TrainingSession(config, run, progress).loop(stop_requested)
+
+
+class TrainingSession:
+    """One run in progress: its parts, where it stands, and how both are saved and restored."""
+
+    def __init__(self, config: ExperimentConfig, run: RunDirectory, progress: Progress) -> None:
+        self.config, self.run, self.progress = config, run, progress
+        self.streams = Streams(config.seed)
+        self.environment = TrainingEnvironment(config.env, seed=self.streams.integer("environment"))
+        self.sizes = (self.environment.observation_size, self.environment.action_size)
+        self.action_limit = self.environment.action_limit
+        self.learner = build_learner(config, *self.sizes, self.action_limit, self.streams)
+        self.normalizer = ObservationNormalizer.of(config, self.sizes[0])
+        self.random_actions = self.streams.torch("random actions")
+        self.replay = make_replay(
+            run.state / REPLAY_FILE,
+            config.protocol.total_steps,
+            *self.sizes,
+            config.algo.replay_capacity,
+            self.streams.torch("replay"),
+        )
+        self.evaluator = Evaluator(config, self.streams)
+        self.checkpoints = CheckpointFolder(run.state)
+        self.interval = IntervalMeans()
+        self.interval_seconds = 0.0
+        self.step = 0
+        self.last_return: float | None = None
+        run.update_manifest(
+            observation_size=self.sizes[0],
+            action_size=self.sizes[1],
+            parameters={
+                "actor": self.learner.policy.actor.connection_count(),  # type: ignore[operator]
+                "critic": sum(p.numel() for p in self.learner.modules["critic"].parameters()),
+            },
+        )
+
+    # ------------------------------------------------------------------ the loop
+
+    def loop(self, stop_requested: Callable[[], bool]) -> Outcome:
+        """Run to the end, to a stop request, or to non-finite numbers."""
+        p = self.config.protocol
+        self._resume()
+        curves = open_live_curves(self.config, self.run.state, self.run.path.name, self.step)
+        collector = make_collector(self.environment, self._act_in_training, p.update_every)
+        try:
+            if self.step == 0:
+                self._evaluate(curves)
+            batches = iter(collector)
+            while self.step < p.total_steps:
+                started = time.perf_counter()
+                self._advance(next(batches))
+                self.interval_seconds += time.perf_counter() - started
+                if self.step % p.evaluation_interval == 0:
+                    self._evaluate(curves)
+                if self.step % p.checkpoint_interval == 0 or self.step == p.total_steps:
+                    self.save()
+                elif stop_requested():
+                    self.save()
+                self.progress.update(self.step, self.last_return, self._steps_per_second())
+                if stop_requested() and self.step < p.total_steps:
+                    return Outcome("interrupted", self.step, f"checkpoint written at step {self.step}")
+        except Diverged as error:
+            return Outcome("diverged", self.step, f"{error} at step {self.step}")
+        finally:
+            curves.close()
+            collector.shutdown()
+        save_policy(self.run.state / POLICY_FILE, self.config, self.learner, self.normalizer, self.sizes)
+        return Outcome("complete", self.step, "")
+
+    def _act_in_training(self, observation: Tensor) -> Tensor:
+        """Action ``[M]`` for the raw observation ``[N]``: uniform at first, then exploring."""
+        if self.step < self.config.protocol.start_steps:
+            return (2.0 * torch.rand(self.sizes[1], generator=self.random_actions) - 1.0) * self.action_limit
+        normalized = self.normalizer.normalize(observation).unsqueeze(0).to(self.config.device)
+        return self.learner.explore(normalized)[0].cpu()
+
+    def _advance(self, batch: Any) -> None:
+        """Store one collector batch, then one burst of updates."""
+        p, device = self.config.protocol, self.config.device
+        collected = transitions(batch)
+        self.replay.extend(collected)
+        self.normalizer.update(collected.observation)
+        self.step += p.update_every
+        for episode_return, _ in collected.episodes:
+            self.interval.add({"training_return": episode_return})
+        if self.step <= p.update_after:
+            return
+        sample = sample_minibatches(self.replay, p.update_every, self.config.algo.batch_size)
+        burst = Minibatches(
+            observation=self.normalizer.normalize(sample.observation).to(device),
+            action=sample.action.to(device),
+            reward=sample.reward.to(device),
+            next_observation=self.normalizer.normalize(sample.next_observation).to(device),
+            terminated=sample.terminated.to(device),
+        )
+        self.interval.add(self.learner.update(burst))
+
+    def _evaluate(self, curves: Any) -> None:
+        """Evaluate the deterministic policy, write both logs, begin a new interval."""
+        started = time.perf_counter()
+        self.learner.check_finite()
+        episodes = self.evaluator.evaluate(
+            lambda observation, generator: self.learner.act(
+                self.normalizer.normalize(observation).to(self.config.device), generator
+            ).cpu(),
+            self.step,
+        )
+        self.run.evaluations.append(self.step, episodes)
+        self.last_return = sum(r for r, _ in episodes) / len(episodes)
+        self.interval_seconds += time.perf_counter() - started
+        if self.step > 0:
+            row = self._training_row()
+            self.run.training.append(row)
+            curves.write(self.step, row | {"evaluation_return": self.last_return})
+        else:
+            curves.write(0, {"evaluation_return": self.last_return})
+        self.interval = IntervalMeans()
+        self.interval_seconds = 0.0
+
+    def _steps_per_second(self) -> float:
+        steps = self.step % self.config.protocol.evaluation_interval or self.config.protocol.evaluation_interval
+        return steps / self.interval_seconds if self.interval_seconds > 0 else 0.0
+
+    def _training_row(self) -> dict[str, float | None]:
+        """One row of ``training.csv`` (docs/run-directory.md)."""
+        row: dict[str, float | None] = {
+            "step": self.step,
+            "critic_updates": self.learner.critic_updates,
+            "actor_updates": self.learner.actor_updates,
+        }
+        for name in (*METRICS, "training_return"):
+            row[name] = self.interval.mean(name)
+        row["steps_per_second"] = self._steps_per_second()
+        for name in health_columns(len(self.learner.policy.actor.layer_parameters())):  # type: ignore[operator]
+            row[name] = self.interval.mean(name)
+        return row
+
+    # ------------------------------------------------------------------ saved and restored
+
+    def _generators(self) -> dict[str, torch.Generator]:
+        return {"random_actions": self.random_actions, "replay": self.replay.generator, **self.learner.streams._asdict()}
+
+    def save(self) -> None:
+        """Write a checkpoint: everything that the rest of the run depends on."""
+        self.replay.flush()
+        self.checkpoints.save(
+            self.step,
+            {
+                "configuration_hash": self.run.read_manifest().configuration_hash,
+                "step": self.step,
+                "learner": self.learner.state_dict(),
+                "normalizer": self.normalizer.state_dict(),
+                "generators": {name: g.get_state() for name, g in self._generators().items()},
+                "replay_length": self.replay.length,
+                "environment": self.environment.save_state(),
+                "interval": self.interval.state_dict(),
+                "interval_seconds": self.interval_seconds,
+                "last_return": self.last_return,
+            },
+        )
+        self.run.update_manifest(step=self.step)
+
+    def _resume(self) -> None:
+        """Go on from the newest whole checkpoint; without one, from the beginning."""
+        content, notes = self.checkpoints.load()
+        for note in notes:
+            self.progress.note(note)
+        if content is None:
+            self.run.cut_after(-1)
+            self.replay.truncate(0)
+            return
+        self.step = content["step"]
+        self.learner.load_state_dict(content["learner"])
+        self.normalizer.load_state_dict(content["normalizer"])
+        for name, generator in self._generators().items():
+            generator.set_state(content["generators"][name])
+        self.replay.truncate(content["replay_length"])
+        self.environment.restore_on_next_reset(content["environment"])
+        self.interval.load_state_dict(content["interval"])
+        self.interval_seconds = content["interval_seconds"]
+        self.last_return = content["last_return"]
+        self.run.cut_after(self.step)
+        self.progress.note(f"resumed at step {self.step}")
