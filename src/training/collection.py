@@ -47,8 +47,8 @@ class _CollectorPolicy:
 def make_collector(environment: TrainingEnvironment, policy: Policy, frames_per_batch: int) -> Collector:
     """An endless collector of batches of ``frames_per_batch`` steps, on the CPU.
 
-    Its constructor resets the environment once (an environment that was armed with a saved state goes on from it) and does
-    not call the policy. Batches come in one buffer that the next batch overwrites: read each with :func:`transitions`.
+    Its constructor resets the environment once (one that was armed with a saved state goes on from it) and does not
+    call the policy. Batches come in one buffer that the next batch overwrites: read each with :func:`transitions`.
 
     Args:
         environment: seeded or armed.

@@ -1,8 +1,8 @@
 """The training environment: one Gymnasium task for TorchRL's Collector, thin, fast, and saved in mid-episode.
 
 TorchRL's ``GymEnv`` costs more per step than most of the simulators here. This one does what the Collector needs
-and nothing else, and it is the one way to an exact resume that uses no private part of the Collector: an environment whose
-next ``reset()`` hands back a saved state (see :meth:`TrainingEnvironment.restore_on_next_reset`).
+and nothing else, and it makes an exact resume possible without any private part of the Collector: its next ``reset()``
+can hand back a saved state (see :meth:`TrainingEnvironment.restore_on_next_reset`).
 """
 
 from __future__ import annotations
@@ -123,7 +123,7 @@ class TrainingEnvironment(EnvBase):
 
     def _before_step(self) -> TensorDict:
         content = {"observation": self._episode.observation, "episode": self._progress(), **_RUNNING}
-        return TensorDict(content, _NO_BATCH, device=_CPU)
+        return TensorDict._new_unsafe(content, _NO_BATCH, device=_CPU)
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
         episode = self._episode
@@ -140,7 +140,7 @@ class TrainingEnvironment(EnvBase):
             "truncated": _TRUE if truncated else _FALSE,
             "done": _TRUE if episode.ended else _FALSE,
         }
-        return TensorDict(content, _NO_BATCH, device=_CPU)
+        return TensorDict._new_unsafe(content, _NO_BATCH, device=_CPU)
 
     def step_and_maybe_reset(self, tensordict: TensorDictBase) -> tuple[TensorDictBase, TensorDictBase]:
         """One step, and a new episode where one ended: what the Collector calls.

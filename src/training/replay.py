@@ -1,0 +1,162 @@
+"""Experience replay: TorchRL's replay buffer over the transition log on disk.
+
+Transitions are sampled uniformly, with replacement, from the last ``capacity`` of the log, by a generator of their own.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import torch
+from torch import Tensor
+from torchrl.data.replay_buffers import ReplayBuffer, Storage
+from torchrl.data.replay_buffers.samplers import Sampler
+from torchrl.data.replay_buffers.writers import Writer
+
+from src.training.collection import Transitions
+from src.training.errors import CorruptState
+from src.training.transition_log import TransitionLog
+
+__all__ = ["CorruptState", "Minibatches", "Replay", "make_replay", "sample_minibatches"]
+
+
+class Minibatches(NamedTuple):
+    """``count`` minibatches of ``batch`` transitions, float32, contiguous; ``minibatches.reward[i]`` is the i-th's."""
+
+    observation: Tensor  # [count, batch, N], as observed: not normalised
+    action: Tensor  # [count, batch, M]
+    reward: Tensor  # [count, batch]
+    next_observation: Tensor  # [count, batch, N]
+    terminated: Tensor  # [count, batch], 0 or 1
+
+
+class Replay(ReplayBuffer):
+    """TorchRL's replay buffer with what an exact resume needs: a length, and its generator.
+
+    ``extend(transitions)`` appends :class:`Transitions`; ``sample(B)`` gives the columns of B transitions.
+    """
+
+    def __init__(self, log: TransitionLog, capacity: int, generator: torch.Generator) -> None:
+        super().__init__(
+            storage=log,
+            sampler=WindowSampler(capacity),
+            writer=AppendWriter(),
+            collate_fn=_as_is,
+            generator=generator,
+        )
+        self._log = log
+        self.generator = generator  # the replay's random stream; its state belongs to the checkpoint
+
+    @property
+    def length(self) -> int:
+        """Transitions stored since the run began: all that a checkpoint needs to record."""
+        return len(self._log)
+
+    def truncate(self, length: int) -> None:
+        """Go back to the first ``length`` transitions, on resume.
+
+        Raises:
+            CorruptState: the file is shorter than that.
+        """
+        self._log.truncate(length)
+
+    def flush(self, start: int, stop: int) -> None:
+        """Force the transitions ``start <= i < stop`` to the disk, at a checkpoint."""
+        self._log.flush(start, stop)
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._log.close()
+
+
+def make_replay(
+    path: Path, rows: int, observation_size: int, action_size: int, capacity: int, generator: torch.Generator
+) -> Replay:
+    """The replay of a run, empty; a resumed run then calls :meth:`Replay.truncate` with its checkpoint's length.
+
+    Args:
+        path: the file of transitions; it grows to ``rows`` of them.
+        rows: the run's total steps.
+        observation_size: N.
+        action_size: M.
+        capacity: transitions are sampled from the last ``capacity``.
+        generator: the replay's own random stream.
+
+    Raises:
+        OSError: the file cannot be made.
+    """
+    return Replay(TransitionLog(Path(path), rows, observation_size, action_size), capacity, generator)
+
+
+def sample_minibatches(buffer: Replay, count: int, batch_size: int) -> Minibatches:
+    """The minibatches of a burst of ``count`` updates in one draw: the replay does not change during the burst."""
+    columns = buffer.sample(count * batch_size)
+    return Minibatches(*(column.view(count, batch_size, *column.shape[1:]) for column in columns))
+
+
+class WindowSampler(Sampler):
+    """Uniform, with replacement, over the last ``capacity`` transitions: index ~ U{max(0, L - capacity), ..., L - 1}."""
+
+    def __init__(self, capacity: int) -> None:
+        self.capacity = capacity
+
+    def sample(self, storage: Storage, batch_size: int) -> tuple[Tensor, dict]:
+        """Indices [batch_size], from the replay's generator."""
+        length = len(storage)
+        if length == 0:
+            raise RuntimeError("the replay is empty")
+        return torch.randint(max(0, length - self.capacity), length, (batch_size,), generator=self._rng), {}
+
+    def state_dict(self) -> dict[str, Any]:
+        """Nothing: the generator is saved by the run's checkpoint."""
+        return {}
+
+    def load_state_dict(self, state_dict: dict[str, Any]) -> None:
+        """Nothing to load."""
+
+    def _empty(self) -> None:
+        pass
+
+    def dumps(self, path: Any) -> None:
+        """Nothing to write."""
+
+    def loads(self, path: Any) -> None:
+        """Nothing to read."""
+
+
+class AppendWriter(Writer):
+    """Writes behind the last transition; the log's length is its only cursor."""
+
+    @property
+    def _write_count(self) -> int:
+        return len(self._storage)
+
+    def extend(self, data: Transitions) -> Tensor:  # type: ignore[override]
+        """Append transitions [F]; returns their indices [F]."""
+        assert isinstance(self._storage, TransitionLog)
+        return self._storage.append(data)
+
+    def add(self, data: Transitions) -> int:
+        """Append one transition given as a batch of one; returns its index."""
+        return int(self.extend(data)[0])
+
+    def state_dict(self) -> dict[str, Any]:
+        """Nothing: the log's length is saved by the run's checkpoint."""
+        return {}
+
+    def load_state_dict(self, state_dict: dict[str, Any]) -> None:
+        """Nothing to load."""
+
+    def _empty(self, empty_write_count: bool = True) -> None:
+        pass
+
+    def dumps(self, path: Any) -> None:
+        """Nothing to write."""
+
+    def loads(self, path: Any) -> None:
+        """Nothing to read."""
+
+
+def _as_is(data: Any) -> Any:
+    return data
