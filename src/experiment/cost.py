@@ -1,0 +1,83 @@
+"""What a plan would cost: hours and disk. Rough, and says what it rests on."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+
+from src.config import EnvConfig, ExperimentConfig
+from src.experiment.machine import ROOT
+from src.experiment.manifest import ManifestError
+from src.experiment.manifest import read as read_manifest
+
+#: Environment steps per second of one run on one core, rough, where nothing has been measured yet (TD3).
+DEFAULT_RATES = {"aan": 300.0, "popsan": 120.0, "bptsan_wo_ndt": 85.0, "bptsan_wo_li": 85.0, "bptsan": 70.0}
+_OTHER_RATE = 70.0
+
+#: Sizes (N, M) of observation and action, for the replay's bytes.
+_SIZES = {"Hopper": (11, 3), "Walker2d": (17, 6), "HalfCheetah": (17, 6), "Ant": (27, 8)}
+_ANT_CONTACT_FORCES = 84
+
+
+class Cost(NamedTuple):
+    """Hours of one core, hours on the clock, bytes of replay at the peak and at the end."""
+
+    core_hours: float
+    clock_hours: float
+    peak_bytes: int
+    kept_bytes: int
+    measured: bool  # the rates of all cells come from this results folder
+    unknown_sizes: tuple[str, ...]  # environments whose replay is not counted
+
+
+def cost(cells: Sequence[tuple[ExperimentConfig, int]], jobs_at_once: int) -> Cost:
+    """Cost of the cells to do, each with the steps that are done already."""
+    hours, replays, kept, measured, unknown = [], [], 0, True, set()
+    for config, done in cells:
+        rate, is_measured = _rate(config)
+        measured &= is_measured
+        hours.append(max(config.protocol.total_steps - done, 0) / rate / 3600)
+        size = _sizes(config.env)
+        if size is None:
+            unknown.add(config.env.name)
+            continue
+        observation, action = size
+        replay = config.protocol.total_steps * (2 * observation + action + 2) * 4
+        replays.append(replay)
+        kept += replay if config.keep_replay else 0
+    peak = kept + sum(sorted(replays, reverse=True)[:jobs_at_once])
+    clock = max(sum(hours) / max(jobs_at_once, 1), max(hours, default=0.0))
+    return Cost(sum(hours), clock, peak, kept, measured, tuple(sorted(unknown)))
+
+
+def _rate(config: ExperimentConfig) -> tuple[float, bool]:
+    rates = _measured_rates(ROOT / config.results_dir).get((config.algo.name, config.actor.name, config.env.name))
+    if rates:
+        return statistics.median(rates), True
+    return DEFAULT_RATES.get(config.actor.name, _OTHER_RATE), False
+
+
+@cache
+def _measured_rates(results: Path) -> dict[tuple[str, str, str], list[float]]:
+    """Steps per second of every run in the results folder that got past a thousand steps."""
+    rates: dict[tuple[str, str, str], list[float]] = {}
+    for path in results.glob("*/runs/*/*/*/*/seed_*/manifest.json"):
+        try:
+            run = read_manifest(path)
+        except (ManifestError, OSError):
+            continue
+        if run is not None and run.step >= 1000 and run.wall_time_seconds > 0:
+            rates.setdefault((run.algo, run.actor, run.env), []).append(run.step / run.wall_time_seconds)
+    return rates
+
+
+def _sizes(env: EnvConfig) -> tuple[int, int] | None:
+    family = env.id.partition("-")[0]
+    if family not in _SIZES:
+        return None
+    observation, action = _SIZES[family]
+    contact = _ANT_CONTACT_FORCES if family == "Ant" and env.kwargs.get("use_contact_forces") else 0
+    return observation + contact + env.zero_padding, action

@@ -1,0 +1,72 @@
+"""The one command: compose, validate, plan, run. ``python -m src.run --help`` says how.
+
+Relative paths (``results_dir``) lie in the repository, whatever the working directory.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+import hydra
+from omegaconf import DictConfig
+
+ROOT = Path(__file__).resolve().parents[1]
+PLUGINS = ROOT / "src" / "plugins"  # Hydra finds our launcher and sweeper in its namespace package
+
+
+@hydra.main(version_base="1.3", config_path=str(ROOT / "conf"), config_name="config")
+def task(composed: DictConfig) -> str:
+    """One job (see :mod:`src.experiment.single`)."""
+    from src.experiment.single import run_composed
+
+    return run_composed(composed)
+
+
+def main() -> int:
+    """Run the command; bad input is one clear sentence and exit code 2."""
+    from src.experiment.execute import RunFailedError
+    from src.experiment.input_errors import INPUT_ERRORS, mistakes_before_hydra, sentence
+    from src.experiment.outcome import DONE, FAILED, KILLED_BY_USER, REFUSED
+
+    show_traceback = os.environ.get("HYDRA_FULL_ERROR") == "1"
+    _prepare_process()
+    if sys.flags.optimize:
+        return _refuse("Python's -O breaks Hydra's range() and glob(); run without it.", REFUSED)
+    if mistake := mistakes_before_hydra(sys.argv[1:]):
+        return _refuse(mistake, REFUSED)
+    try:
+        task()
+    except INPUT_ERRORS as error:
+        if show_traceback:
+            raise
+        return _refuse(sentence(error), REFUSED)
+    except RunFailedError as error:
+        if show_traceback:
+            raise
+        return _refuse(str(error), FAILED)
+    except KeyboardInterrupt:
+        return KILLED_BY_USER
+    return DONE
+
+
+def _prepare_process() -> None:
+    """Work from the repository; let our plugins be found, in worker processes too; have Hydra raise, not print."""
+    os.chdir(ROOT)
+    for path in (PLUGINS, ROOT):
+        if str(path) not in sys.path:
+            sys.path.insert(0, str(path))
+    present = os.environ.get("PYTHONPATH", "").split(os.pathsep)
+    wanted = [str(ROOT), str(PLUGINS)]
+    os.environ["PYTHONPATH"] = os.pathsep.join([p for p in present if p and p not in wanted] + wanted)
+    os.environ["HYDRA_FULL_ERROR"] = "1"
+
+
+def _refuse(text: str, code: int) -> int:
+    print(text, file=sys.stderr)
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())
