@@ -96,7 +96,7 @@ def sample_minibatches(buffer: Replay, count: int, batch_size: int) -> Minibatch
 
 
 class WindowSampler(Sampler):
-    """Uniform, with replacement, over the last ``capacity`` transitions: index ~ U{max(0, L - capacity), ..., L - 1}."""
+    """Uniform, with replacement, over the last ``capacity`` of L: index ~ U{max(0, L - capacity), ..., L - 1}."""
 
     def __init__(self, capacity: int) -> None:
         self.capacity = capacity

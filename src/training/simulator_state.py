@@ -1,9 +1,9 @@
 """The exact state of a MuJoCo task in mid-episode, as plain tensors, numbers and strings.
 
-MuJoCo's integration state (positions, velocities, actuators, time, controls, warm start) continues the *physics* exactly,
-but not the *task*: rewards and observations read derived quantities which lag the state by one substep until the next
-``mj_forward`` (Ant's reward reads ``xpos``, its observation the contact forces ``cfrc_ext``). So these are saved as
-well and copied back, and nothing is recomputed: an ``mj_forward`` would move them.
+MuJoCo's integration state (positions, velocities, actuators, time, controls, warm start) continues the *physics*
+exactly, but not the *task*: rewards and observations read derived quantities which lag the state by one substep until
+the next ``mj_forward`` (Ant's reward reads ``xpos``, its observation the contact forces ``cfrc_ext``). So these are
+saved as well and copied back, and nothing is recomputed: an ``mj_forward`` would move them.
 """
 
 from __future__ import annotations
@@ -62,7 +62,8 @@ def restore(environment: gymnasium.Env, state: dict[str, Any]) -> None:
         mujoco.mj_setState(task.model, task.data, state["physics"].numpy(), _SIGNATURE)
         for name in _DERIVED:
             getattr(task.data, name)[:] = state[name].numpy()
-        _time_limit(environment)._elapsed_steps = int(state["elapsed_steps"])
+        limit: Any = _time_limit(environment)
+        limit._elapsed_steps = int(state["elapsed_steps"])
         task.np_random.bit_generator.state = json.loads(state["random"])
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise CorruptState(f"the saved simulator state does not fit the task: {error!r}") from error

@@ -4,9 +4,9 @@ A row is ``observation [N], action [M], reward, next_observation [N], terminated
 no header and nothing in it is ever unpickled. Because rows are only appended, a checkpoint needs to record a length and
 nothing else, and never races with what is written after it.
 
-Space is allocated in chunks *before* it is written: on a full disk a sparse memory map would die of SIGBUS at some later
-write; here the append that needs a new chunk raises ``OSError``. (A file system that copies on write may still break this
-promise.)
+Space is allocated in chunks *before* it is written: on a full disk a sparse memory map would die of SIGBUS at some
+later write; here the append that needs a new chunk raises ``OSError``. (A file system that copies on write may still
+break this promise.)
 """
 
 from __future__ import annotations
@@ -109,8 +109,8 @@ class TransitionLog(Storage):
         """
         if length > self._allocated:
             raise CorruptState(
-                f"{self.path.name} holds {self._allocated} transitions and the checkpoint counts on {length}: the file was cut "
-                "short or deleted. Start the run over with on_conflict=replace."
+                f"{self.path.name} has room for {self._allocated} transitions and the checkpoint counts on {length}: "
+                "the file was cut short or deleted. Start the run over with on_conflict=replace."
             )
         self._length = length
 

@@ -1,0 +1,33 @@
+"""The tasks of conf/env, as the configuration's own dataclass, and helpers that several tests share."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import torch
+import yaml
+
+from src.config import EnvConfig
+from src.training.collection import Transitions
+
+ROOT = Path(__file__).parents[2]
+TASKS = ("hopper", "walker2d", "halfcheetah", "ant", "ant_zero_contact", "ant_no_contact")
+
+
+def task(name: str, **changes: Any) -> EnvConfig:
+    """A task of conf/env; a short time limit brings every kind of episode end into a short test."""
+    return replace(EnvConfig(**yaml.safe_load((ROOT / "conf" / "env" / f"{name}.yaml").read_text())), **changes)
+
+
+def random_policy(action_size: int, generator: torch.Generator, scale: float = 1.0) -> Any:
+    """Uniform actions from a generator whose state the test can save, as a run does."""
+    return lambda _: (torch.rand(action_size, generator=generator) * 2 - 1) * scale
+
+
+def assert_same(left: Transitions, right: Transitions) -> None:
+    """Bit for bit."""
+    for name in Transitions._fields[:-1]:
+        assert torch.equal(getattr(left, name), getattr(right, name)), name
+    assert left.finished == right.finished
