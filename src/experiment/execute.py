@@ -48,7 +48,9 @@ def execute(config: ExperimentConfig, progress: Progress) -> Outcome:
         try:
             outcome = _train(config, run, heartbeat)
         except KeyboardInterrupt:
-            run.update_manifest(status="interrupted", wall_time_seconds=heartbeat.wall_time_seconds)
+            run.update_manifest(
+                status="interrupted", step=heartbeat.step, wall_time_seconds=heartbeat.wall_time_seconds
+            )
             raise
         except BaseException as error:
             _record_error(run, heartbeat, error)
@@ -96,16 +98,17 @@ def _record_error(run: RunDirectory, heartbeat: Heartbeat, error: BaseException)
     with suppress(OSError):
         (run.path / "failure.txt").write_text("".join(traceback.format_exception(error)))
     with suppress(OSError):
-        record_failure(run, type(error).__name__, reason(error), heartbeat.wall_time_seconds)
+        record_failure(run, type(error).__name__, reason(error), heartbeat.step, heartbeat.wall_time_seconds)
 
 
-def record_failure(run: RunDirectory, kind: str, message: str, wall_time_seconds: float) -> None:
+def record_failure(run: RunDirectory, kind: str, message: str, step: int, wall_time_seconds: float) -> None:
     """Set the manifest to ``failed``."""
     run.update_manifest(
         status="failed",
         finished=manifests.now(),
+        step=step,
         wall_time_seconds=wall_time_seconds,
-        failure=Failure(kind, message, run.manifest.step),
+        failure=Failure(kind, message, step),
     )
 
 

@@ -178,7 +178,8 @@ def record_death(cell: Cell, killed: str) -> None:
             return
         else:
             cell.run.write_manifest(manifest)
-        record_failure(cell.run, killed, killed, cell.run.manifest.wall_time_seconds)
+        last = cell.run.manifest
+        record_failure(cell.run, killed.partition(" (")[0], killed, last.step, last.wall_time_seconds)
     except (OSError, ManifestError) as error:
         print(f"{cell.run.name}: {killed}; that could not be recorded: {error}", file=sys.stderr)
     finally:

@@ -83,6 +83,7 @@ class Heartbeat:
         self._run = run
         self._inner = inner
         self._clock = clock
+        self.step = run.manifest.step
         self._before = run.manifest.wall_time_seconds
         self._began = self._last = clock()
 
@@ -93,6 +94,7 @@ class Heartbeat:
 
     def update(self, step: int, last_return: float | None, steps_per_second: float) -> None:
         """Every update is shown; the manifest follows at most every :data:`HEARTBEAT_SECONDS`."""
+        self.step = step
         self._inner.update(step, last_return, steps_per_second)
         if self._clock() - self._last >= HEARTBEAT_SECONDS:
             self._last = self._clock()

@@ -93,11 +93,13 @@ class GridSweeper(Sweeper):
 
     def _launch_elsewhere(self, plan: Plan, jobs: Sequence[Sequence[str]]) -> None:
         """Hand the cells to do to another launcher of Hydra's; an error of one batch doesn't end the sweep."""
+        launcher = self.launcher
+        assert launcher is not None
         needed = [list(job) for job, cell in zip(jobs, plan.cells) if cell in plan.to_do]
         size = self.max_batch_size or max(len(needed), 1)
         for start in range(0, len(needed), size):
             try:
-                self.launcher.launch(needed[start : start + size], initial_job_idx=start)
+                launcher.launch(needed[start : start + size], initial_job_idx=start)
             except Exception as error:
                 print(f"the launcher says: {type(error).__name__}: {error}", file=sys.stderr)
 

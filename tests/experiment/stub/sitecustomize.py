@@ -1,0 +1,75 @@
+"""Put on PYTHONPATH by tests: a trainer that only pretends, in every process that they start.
+
+``STUB`` is JSON: what a run does by its seed ("raise", "exit", "kill", "hang", "hang in native code", "enospc",
+"diverge"), and "sleep", seconds per 500 steps. torch can't be imported: neither the parent nor the rim needs it.
+"""
+
+import ctypes
+import errno
+import json
+import os
+import signal
+import sys
+import time
+import types
+
+
+class NoTorch:
+    def find_spec(self, name, path=None, target=None):
+        if name == "torch" or name.startswith("torch."):
+            raise ImportError("this test forbids torch")
+        return None
+
+
+def train(config, run, progress, stop_requested):
+    from src.experiment.outcome import Outcome
+
+    plan = json.loads(os.environ["STUB"])
+    checkpoint = run.state / "checkpoint"
+    step = int(checkpoint.read_text()) if checkpoint.exists() else 0
+    with (run.state / "calls").open("a") as calls:
+        calls.write(f"{os.getpid()} from {step}\n")
+    run.cut_after(step)
+    if step == 0:
+        run.evaluations.append(0, [(0.5, 7)])
+    run.update_manifest(observation_size=11, action_size=3, parameters={"actor": 1, "critic": 2})
+    total = config.protocol.total_steps
+    while step < total:
+        time.sleep(plan.get("sleep", 0.0))
+        behaviour = plan.get(str(config.seed)) if step == 500 else None
+        if behaviour == "raise":
+            raise RuntimeError("boom\nsecond line")
+        if behaviour == "exit":
+            sys.exit(3)
+        if behaviour == "kill":
+            os.kill(os.getpid(), signal.SIGKILL)
+        if behaviour == "hang":
+            signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTERM])
+            time.sleep(600)
+        if behaviour == "hang in native code":
+            ctypes.PyDLL(None).sleep(600)  # keeps the interpreter's lock: no Python handler ever runs
+        if behaviour == "enospc":
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "replay.bin")
+        if behaviour == "diverge":
+            return Outcome("diverged", step, f"critic_loss is not finite at step {step}")
+        step += 500
+        run.evaluations.append(step, [(float(step) / 3, 7), (1.0, 8)])
+        run.training.append({"step": step, "critic_loss": None, "steps_per_second": 100.0})
+        checkpoint.write_text(str(step))
+        progress.update(step, float(step) / 3, 100.0)
+        if stop_requested() and step < total:
+            return Outcome("interrupted", step, f"checkpoint written at step {step}")
+    return Outcome("complete", step, "")
+
+
+def shrink_state(run):
+    (run.state / "checkpoint").unlink(missing_ok=True)
+
+
+if "STUB" in os.environ:
+    sys.meta_path.insert(0, NoTorch())
+    package, session = types.ModuleType("src.training"), types.ModuleType("src.training.session")
+    package.__path__ = []
+    package.session = session
+    session.train, session.shrink_state = train, shrink_state
+    sys.modules |= {"src.training": package, "src.training.session": session}
