@@ -1,0 +1,130 @@
+"""``python -m analysis``: from run directories to figures, statistics and the report."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from analysis.errors import InputError
+
+EPILOG = """examples:
+  python -m analysis report results/paper              everything; prints the path of the page
+  python -m analysis compare bptsan popsan --study results/paper
+  python -m analysis compare results/paper results/equal_rates --algo td3
+  dvc repro                                            the same stages, for the studies that dvc.yaml lists
+
+Claims are stated in analysis/claims.yaml, normalised scores in analysis/reference_scores.yaml; docs/report.md is the how-to."""
+
+
+def _collect(options: argparse.Namespace) -> None:
+    from analysis.collected import collect
+
+    study = collect(options.study)
+    counts = study.runs["counts_as"].value_counts()
+    shown = ", ".join(f"{counts.get(kind, 0)} {kind}" for kind in ("finished", "diverged", "unfinished"))
+    print(f"{options.study}/collected: {shown}; {len(study.notes)} note(s)")
+    for note in study.notes[:10]:
+        print(f"  {note}", file=sys.stderr)
+    if len(study.notes) > 10:
+        print(f"  ... and {len(study.notes) - 10} more, all of them in the report", file=sys.stderr)
+
+
+def _figures(options: argparse.Namespace) -> None:
+    from analysis.collected import load
+    from analysis.figures import build
+
+    drawings = build(load(options.study), options.study)
+    print(f"{options.study}/figures: {sum(d.figure is not None for d in drawings)} drawn of {len(drawings)}")
+
+
+def _statistics(options: argparse.Namespace) -> None:
+    from analysis.collected import load
+    from analysis.statistics import build
+
+    tables = build(load(options.study), options.study, options.claims)
+    print(f"{options.study}/statistics: {len(tables)} tables")
+
+
+def _render(options: argparse.Namespace) -> None:
+    from analysis.render import render
+
+    print(render(options.study))
+
+
+def _report(options: argparse.Namespace) -> None:
+    for stage in (_collect, _figures, _statistics, _render):
+        stage(options)
+
+
+def _compare(options: argparse.Namespace) -> None:
+    from analysis.compare import compare, side
+
+    a, b = side(options.a, options.study), side(options.b, options.study)
+    table, notes = compare(a, b, options.algo)
+    if options.format == "csv":
+        print(table.frame.to_csv(index=False, lineterminator="\n"), end="")
+    elif options.format == "latex":
+        print(table.latex(), end="")
+    else:
+        _print_table(table.headers(), table.rows())
+        print(table.caption)
+    for note in notes:
+        print(f"note: {note}", file=sys.stderr)
+
+
+def _print_table(headers: list[str], rows: list[list[str]]) -> None:
+    widths = [max(map(len, column)) for column in zip(headers, *rows)]
+    for line in (headers, ["-" * width for width in widths], *rows):
+        print("  ".join(value.ljust(width) for value, width in zip(line, widths)).rstrip())
+
+
+def _parser() -> argparse.ArgumentParser:
+    from analysis.claims_file import FILE
+
+    parser = argparse.ArgumentParser(
+        prog="python -m analysis", description=__doc__, epilog=EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+
+    def add(name: str, what: str, function: Callable[[argparse.Namespace], None]) -> argparse.ArgumentParser:
+        command = commands.add_parser(name, help=what, description=what)
+        command.set_defaults(function=function)
+        return command
+
+    study = {"type": Path, "metavar": "results/STUDY", "help": "the study's folder; its run directories lie in runs/"}
+    stages: tuple[tuple[str, str, Callable[[argparse.Namespace], None]], ...] = (
+        ("report", "all four stages: collect, figures, statistics, render", _report),
+        ("collect", "read and check the run directories; write collected/", _collect),
+        ("figures", "draw the figures from collected/; write figures/", _figures),
+        ("statistics", "compute tables and verdicts from collected/; write statistics/", _statistics),
+        ("render", "write report/index.html and report/report.md from the other stages' files", _render),
+    )
+    for name, what, function in stages:
+        command = add(name, what, function)
+        command.add_argument("study", **study)  # type: ignore[arg-type]
+        if name in ("report", "statistics"):
+            command.add_argument("--claims", type=Path, default=FILE, help="another claims file than analysis/claims.yaml")
+    command = add("compare", "set two labels, or two studies, side by side", _compare)
+    command.add_argument("a", metavar="A", help="a study (results/paper), a label of one (results/paper:bptsan), or a label of --study")
+    command.add_argument("b", metavar="B", help="the same")
+    command.add_argument("--study", type=Path, help="the study that bare labels belong to")
+    command.add_argument("--algo", help="only this algorithm, such as td3")
+    command.add_argument("--format", choices=("text", "csv", "latex"), default="text")
+    return parser
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run one command; 0, or 2 with a sentence where the input is wrong."""
+    options = _parser().parse_args(arguments)
+    try:
+        options.function(options)
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

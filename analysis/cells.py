@@ -1,0 +1,99 @@
+"""A study cut into cells: the seeds of one arm on one task under one algorithm, as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from analysis import metrics
+from analysis.names import ordered_algorithms, ordered_arms, ordered_tasks
+from analysis.study import Study
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """The runs of one cell that count (finished or diverged), and all its runs.
+
+    Attributes:
+        steps: ``[steps]``, the union over the counted seeds.
+        returns: ``[seeds, steps]``, each the mean of an evaluation's episodes; NaN where a seed was not evaluated.
+        final: ``[seeds]``, final performance.
+        diverged: ``[seeds]``, whose last value is carried forward.
+        unfinished: number of further runs, which are drawn in curves only.
+    """
+
+    algo: str
+    env: str
+    arm: str
+    paper: bool
+    horizon: int
+    seeds: NDArray[np.int64]
+    steps: NDArray[np.int64]
+    returns: Array
+    final: Array
+    diverged: NDArray[np.bool_]
+    unfinished: int
+    all_evaluations: pd.DataFrame
+
+    @property
+    def n(self) -> int:
+        """Seeds that count."""
+        return len(self.seeds)
+
+    def without_diverged(self) -> Array:
+        """Final performance of the runs that did not diverge, ``[seeds]``."""
+        return self.final[~self.diverged]
+
+
+def cells_of(study: Study) -> list[Cell]:
+    """Every cell that has a run, in the order of tables: algorithm, task, arm."""
+    if study.runs.empty:
+        return []
+    evaluations = dict(list(study.evaluations.groupby(["algo", "env", "arm"], sort=False)))
+    nothing = study.evaluations.iloc[:0]
+    found = {key: runs for key, runs in study.runs.groupby(["algo", "env", "arm"], sort=False)}
+    return [_cell(*key, found[key], evaluations.get(key, nothing)) for key in _in_order(study.runs)]
+
+
+def _in_order(runs: pd.DataFrame) -> Iterator[tuple[str, str, str]]:
+    present = set(zip(runs["algo"], runs["env"], runs["arm"]))
+    for algo in ordered_algorithms(runs["algo"]):
+        for env in ordered_tasks(runs["env"]):
+            for arm in ordered_arms(runs["arm"]):
+                if (algo, env, arm) in present:
+                    yield algo, env, arm
+
+
+def _cell(algo: str, env: str, arm: str, runs: pd.DataFrame, evaluations: pd.DataFrame) -> Cell:
+    counted = runs[runs["counts_as"] != "unfinished"].sort_values("seed")
+    steps, returns, seeds = metrics.seed_matrix(evaluations[evaluations["counts_as"] != "unfinished"])
+    horizon = int(runs["horizon"].iloc[0])
+    return Cell(
+        algo=algo,
+        env=env,
+        arm=arm,
+        paper=bool(runs["paper"].all()),
+        horizon=horizon,
+        seeds=seeds,
+        steps=steps,
+        returns=returns,
+        final=metrics.final_performance(steps, returns, horizon),
+        diverged=counted["counts_as"].eq("diverged").to_numpy(dtype=bool),
+        unfinished=len(runs) - len(counted),
+        all_evaluations=evaluations,
+    )
+
+
+def select(cells: list[Cell], algo: str | None = None, env: str | None = None, arm: str | None = None) -> list[Cell]:
+    """The cells that match what is given."""
+    return [
+        cell
+        for cell in cells
+        if algo in (None, cell.algo) and env in (None, cell.env) and arm in (None, cell.arm)
+    ]

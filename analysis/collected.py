@@ -1,0 +1,55 @@
+"""``results/<study>/collected/``: a study's frames as files, so that figures and statistics never parse run directories."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pandas as pd
+
+from analysis.errors import InputError
+from analysis.study import KEYS, Study, read_study
+from analysis.writing import read_csv, replaced_folder, write_csv, write_json
+
+FORMAT = 1
+_TEXT = ["arm", "label", "actor", "encoder", "algo", "env", "path", "cell_hash", "configuration_hash", "commit"]
+
+
+def collect(folder: Path) -> Study:
+    """Read the run directories of a study and write its ``collected/``."""
+    study = read_study(folder)
+    with replaced_folder(folder / "collected") as out:
+        write_csv(out / "runs.csv", study.runs)
+        write_csv(out / "evaluations.csv", study.evaluations)
+        write_csv(out / "training.csv", _six_digits(study.training))
+        about = {"format": FORMAT, "study": study.name, "notes": study.notes, "configurations": study.configurations}
+        write_json(out / "study.json", about)
+    return study
+
+
+def load(folder: Path) -> Study:
+    """Read ``collected/`` back.
+
+    Raises:
+        InputError: it is not there, or another version of this program wrote it.
+    """
+    source = folder / "collected"
+    try:
+        about = json.loads((source / "study.json").read_bytes())
+        runs = read_csv(source / "runs.csv", dtype=dict.fromkeys(_TEXT, str))
+        evaluations = read_csv(source / "evaluations.csv", dtype={"arm": str, "algo": str, "env": str})
+        training = read_csv(source / "training.csv", dtype={"arm": str, "algo": str, "env": str})
+    except FileNotFoundError:
+        raise InputError(f"{folder} has not been collected: run `python -m analysis collect {folder}` first.") from None
+    if about.get("format") != FORMAT:
+        raise InputError(f"{source} was written by another version: run `python -m analysis collect {folder}` again.")
+    return Study(about["study"], runs, evaluations, training, about["configurations"], about["notes"])
+
+
+def _six_digits(training: pd.DataFrame) -> pd.DataFrame:
+    """Losses and rates to six significant digits: these files stand in git."""
+    rounded = training.copy()
+    for column in rounded.columns.difference([*KEYS, "step", "critic_updates", "actor_updates"]):
+        if rounded[column].dtype.kind == "f":
+            rounded[column] = rounded[column].map(lambda value: float(f"{value:.6g}"))
+    return rounded

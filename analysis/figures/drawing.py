@@ -1,0 +1,56 @@
+"""What a figure is: a drawing with the data that it draws, or the reason why there is none."""
+
+from __future__ import annotations
+
+import io
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from matplotlib import pyplot as plt
+from matplotlib.figure import Figure
+
+from analysis.writing import write_bytes, write_csv
+
+#: Nothing in these depends on the clock or on this program's version.
+_METADATA: dict[str, dict[str, Any]] = {
+    "pdf": {"CreationDate": None, "Producer": None, "Creator": None},
+    "svg": {"Date": None, "Creator": None},
+    "png": {"Software": None},
+}
+
+
+@dataclass
+class Drawing:
+    """A figure of the report; ``missing`` says why it could not be drawn, and then there is no ``figure``."""
+
+    name: str
+    title: str
+    caption: str
+    section: str = "figures"
+    figure: Figure | None = None
+    data: pd.DataFrame | None = None
+    missing: str = ""
+
+    def __post_init__(self) -> None:
+        self.name = re.sub(r"[^A-Za-z0-9_.=-]", "_", self.name)  # it becomes a file name, and may hold a key from a manifest
+
+    def save(self, folder: Path) -> None:
+        """``<name>.pdf``, ``.png``, ``.svg`` and ``.csv``, the CSV of exactly what is drawn; then close the figure."""
+        if self.figure is None or self.data is None:
+            return
+        write_csv(folder / f"{self.name}.csv", self.data)
+        for kind, metadata in _METADATA.items():
+            buffer = io.BytesIO()
+            self.figure.savefig(buffer, format=kind, metadata=metadata)
+            write_bytes(folder / f"{self.name}.{kind}", buffer.getvalue())
+        plt.close(self.figure)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For ``figures.json``."""
+        return {
+            "name": self.name, "title": self.title, "caption": self.caption, "section": self.section,
+            "drawn": self.figure is not None, "missing": self.missing,
+        }  # fmt: skip

@@ -1,0 +1,59 @@
+"""Final performance per task, every seed a point."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from analysis import bootstrap
+from analysis.cells import Cell, select
+from analysis.figures.drawing import Drawing
+from analysis.names import actor_name, algorithm_name, ordered_arms, task_name
+from analysis.study import Study
+from analysis.style import looks, panels
+from analysis.tests_of_claims import MINIMUM_SEEDS
+
+
+def draw(study: Study, cells: list[Cell], algo: str) -> list[Drawing]:
+    """``final-<algo>``: seeds as points, the mean as a bar, its 95% bootstrap interval from three seeds on."""
+    name, title = f"final-{algo}", f"Final performance by seed, {algorithm_name(algo)}"
+    caption = (
+        "Each point is a run: the mean of its evaluations in the last 10% of its steps. Vertical bar: mean over seeds; line: its 95% "
+        f"bootstrap interval (from {MINIMUM_SEEDS} seeds on). Crosses are diverged runs with their last value carried forward."
+    )
+    here = [cell for cell in select(cells, algo) if cell.n]
+    if not here:
+        return [Drawing(name, title, caption, missing=f"No finished run under {algorithm_name(algo)}.")]
+    tasks, arms = list(dict.fromkeys(cell.env for cell in here)), ordered_arms({cell.arm for cell in here})
+    style = looks(arms)
+    figure, axes = panels(len(tasks), width=3.4, height=0.75 + 0.3 * len(arms), columns=2)
+    rows = []
+    for index, (axis, env) in enumerate(zip(axes, tasks)):
+        labels = []
+        for place, arm in enumerate(arms):
+            found = select(here, env=env, arm=arm)
+            labels.append(f"{actor_name(arm)} (n={found[0].n if found else 0})")
+            if not found:
+                continue
+            cell, look = found[0], style[arm]
+            low, high = bootstrap.interval([cell.final], bootstrap.mean) if cell.n >= MINIMUM_SEEDS else (np.nan, np.nan)
+            offsets = np.linspace(-0.2, 0.2, cell.n) if cell.n > 1 else np.zeros(1)
+            ok = ~cell.diverged
+            axis.scatter(cell.final[ok], place + offsets[ok], s=14, marker=look.marker, color=look.color, alpha=0.75, linewidth=0)
+            axis.scatter(cell.final[~ok], place + offsets[~ok], s=18, marker="x", color=look.color, linewidth=1)
+            axis.plot([low, high], [place, place], color="black", linewidth=1)
+            axis.plot([cell.final.mean()] * 2, [place - 0.3, place + 0.3], color="black", linewidth=1.6)
+            rows += [
+                {
+                    "env": env, "arm": arm, "seed": int(seed), "final": float(value), "diverged": bool(bad), "mean": float(cell.final.mean()),
+                    "mean_low": low, "mean_high": high,
+                }  # fmt: skip
+                for seed, value, bad in zip(cell.seeds, cell.final, cell.diverged)
+            ]
+        axis.set_yticks(range(len(arms)), labels)
+        axis.set_ylim(len(arms) - 0.5, -0.5)
+        axis.set_title(task_name(env))
+        axis.grid(False, axis="y")
+        if index >= len(tasks) - 2:
+            axis.set_xlabel("Return, mean of the last 10% of steps")
+    return [Drawing(name, title, caption, figure=figure, data=pd.DataFrame(rows))]

@@ -1,0 +1,51 @@
+"""Sample efficiency: the IQM of normalised returns over tasks as training goes on, with its 95% interval."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from analysis import bootstrap
+from analysis.cells import Cell, select
+from analysis.figures.drawing import Drawing
+from analysis.names import actor_name, algorithm_name, task_name
+from analysis.references import normalised
+from analysis.statistics.aggregates import complete_arms, tasks_of
+from analysis.study import Study
+from analysis.style import legend_below, looks, panels, step_axis
+from analysis.tests_of_claims import MINIMUM_SEEDS
+
+
+def draw(study: Study, cells: list[Cell], algo: str) -> list[Drawing]:
+    """``efficiency-<algo>``: not smoothed; only steps at which every counted run of the arm was evaluated."""
+    name, title = f"efficiency-{algo}", f"Sample efficiency, {algorithm_name(algo)}"
+    tasks, arms = tasks_of(cells, algo), complete_arms(cells, algo)
+    caption = (
+        f"Interquartile mean of normalised evaluation returns over {', '.join(map(task_name, tasks)) or 'no task'} by step; shaded: 95% "
+        "stratified bootstrap interval over seeds (from three seeds on). Not smoothed. Finished runs and diverged ones; only steps at "
+        "which all of an actor's runs were evaluated."
+    )
+    if not arms:
+        return [Drawing(name, title, caption, missing="No actor has finished runs on every task that has a reference score.")]
+    figure, (axis,) = panels(1, width=4.6, height=2.6)
+    style, frames, horizon = looks(arms), [], 0
+    for arm in arms:
+        found = [select(cells, algo, env, arm)[0] for env in tasks]
+        shared = [cell.steps[~np.isnan(cell.returns).any(axis=0)] for cell in found]
+        steps = sorted(set(shared[0]).intersection(*shared[1:]))
+        if not steps:
+            continue
+        scores = [normalised(cell.returns[:, np.isin(cell.steps, steps)], algo, cell.env) for cell in found]
+        values, low, high = bootstrap.curve_interval(scores, bootstrap.iqm)
+        if min(cell.n for cell in found) < MINIMUM_SEEDS:
+            low = high = np.full(len(values), np.nan)
+        n, horizon = "/".join(str(cell.n) for cell in found), max([horizon, *(cell.horizon for cell in found)])
+        axis.fill_between(steps, low, high, color=style[arm].color, alpha=0.15, linewidth=0)
+        axis.plot(steps, values, color=style[arm].color, linestyle=style[arm].line, label=f"{actor_name(arm)} (n={n})")
+        frames.append(pd.DataFrame({"arm": arm, "n": n, "step": steps, "iqm": values, "low": low, "high": high}))
+    if not frames:
+        return [Drawing(name, title, caption, missing="No step at which all runs of an actor were evaluated.")]
+    step_axis(axis, horizon)
+    axis.set_ylabel("IQM of normalised scores")
+    legend_below(figure, [axis], 2)
+    return [Drawing(name, title, caption, figure=figure, data=pd.concat(frames, ignore_index=True))]

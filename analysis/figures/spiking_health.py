@@ -1,0 +1,56 @@
+"""Spiking health over training: a figure per task, a row per measure, a column per layer."""
+
+from __future__ import annotations
+
+import pandas as pd
+from matplotlib import pyplot as plt
+
+from analysis.cells import Cell
+from analysis.figures.drawing import Drawing
+from analysis.health import MEASURES, over_training
+from analysis.names import actor_name, algorithm_name, ordered_arms, ordered_tasks, task_name
+from analysis.study import Study
+from analysis.style import legend_below, looks, step_axis
+
+_SHORT = {"firing_rate": "Firing rate", "window_share": "Window share", "always_on": "Always on", "never_on": "Never on"}
+
+
+def draw(study: Study, cells: list[Cell], algo: str) -> list[Drawing]:
+    """``health-<algo>-<task>``; one that says so where no spiking actor has run."""
+    table = over_training(study)
+    table = table[(table["algo"] == algo) & (table["layer"] > 0)]
+    if table.empty:
+        return [
+            Drawing(f"health-{algo}", f"Spiking health, {algorithm_name(algo)}", "", "health", missing="No run of a spiking actor has been logged.")
+        ]
+    return [_drawing(study, algo, env, table[table["env"] == env]) for env in ordered_tasks(table["env"])]
+
+
+def _drawing(study: Study, algo: str, env: str, table: pd.DataFrame) -> Drawing:
+    layers, arms = sorted(table["layer"].unique()), ordered_arms(table["arm"])
+    style = looks(arms)
+    horizon = int(study.runs.loc[(study.runs["algo"] == algo) & (study.runs["env"] == env), "horizon"].max())
+    figure, axes = plt.subplots(
+        len(MEASURES), len(layers), figsize=(2.2 * len(layers) + 0.4, 1.25 * len(MEASURES) + 0.7), squeeze=False, sharex=True, sharey="row"
+    )
+    for row, measure in enumerate(MEASURES):
+        for column, layer in enumerate(layers):
+            axis = axes[row][column]
+            for arm in arms:
+                line = table[(table["arm"] == arm) & (table["layer"] == layer) & (table["measure"] == measure)].sort_values("step")
+                axis.plot(line["step"], line["value"], color=style[arm].color, linestyle=style[arm].line, label=actor_name(arm))
+            axis.set_ylim(-0.02, 1.02)
+            if row == 0:
+                axis.set_title(f"Layer {layer}" + (" (output population)" if layer == layers[-1] and len(layers) > 1 else ""))
+            step_axis(axis, horizon)
+            if row < len(MEASURES) - 1:
+                axis.set_xlabel("")
+        axes[row][0].set_ylabel(_SHORT[measure])
+    legend_below(figure, [axis for line in axes for axis in line])
+    caption = (
+        "Means over runs of training batches. Window share: (neuron, step) pairs whose membrane lies where the surrogate gradient is not zero; "
+        "always on, never on: neurons that fire at every, or no, step for every sample of a batch. A window share near 0 with many neurons "
+        "always on is saturation, the way in which spiking actors fail. Unfinished runs included."
+    )
+    title = f"Spiking health, {algorithm_name(algo)}, {task_name(env)}"
+    return Drawing(f"health-{algo}-{env}", title, caption, "health", figure, table.reset_index(drop=True))

@@ -1,0 +1,59 @@
+"""Names and orders: the paper's actors and tasks as they are printed, and what everything else is called."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+#: The paper's five actors in the order of tables and legends.
+ACTORS = {
+    "aan": "AAN",
+    "popsan": "Regular SAN (PopSAN)",
+    "bptsan_wo_ndt": "BPT-SAN w/o NDT",
+    "bptsan_wo_li": "BPT-SAN w/o LI",
+    "bptsan": "BPT-SAN",
+}
+TASKS = {
+    "hopper": "Hopper-v4",
+    "walker2d": "Walker2d-v4",
+    "halfcheetah": "HalfCheetah-v4",
+    "ant": "Ant-v4 (N=111)",
+    "ant_zero_contact": "Ant-v4 (N=111, contacts 0)",
+    "ant_no_contact": "Ant-v4 (N=27)",
+}
+ALGORITHMS = {"td3": "TD3", "sac": "SAC"}
+
+
+def actor_name(arm: str) -> str:
+    """How an arm is printed; one that is not the paper's keeps the name of its folder."""
+    return ACTORS.get(arm, arm)
+
+
+def task_name(task: str) -> str:
+    """How a task is printed."""
+    return TASKS.get(task, task)
+
+
+def algorithm_name(algo: str) -> str:
+    """How an algorithm is printed."""
+    return ALGORITHMS.get(algo, algo.upper())
+
+
+def ordered(names: Iterable[str], known: Iterable[str]) -> list[str]:
+    """Known names in their order, then the others alphabetically."""
+    present, order = set(names), list(known)
+    return [name for name in order if name in present] + sorted(present - set(order))
+
+
+def ordered_arms(names: Iterable[str]) -> list[str]:
+    """Arms in the order of tables and legends."""
+    return ordered(names, ACTORS)
+
+
+def ordered_tasks(names: Iterable[str]) -> list[str]:
+    """Tasks in the paper's order."""
+    return ordered(names, TASKS)
+
+
+def ordered_algorithms(names: Iterable[str]) -> list[str]:
+    """TD3, SAC, then others."""
+    return ordered(names, ALGORITHMS)

@@ -1,0 +1,42 @@
+"""The statistics stage: every table of the report, as CSV, LaTeX and display strings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from analysis.cells import cells_of
+from analysis.claims import decide, overall
+from analysis.claims_file import FILE, read_claims
+from analysis.health import saturated
+from analysis.statistics import aggregates, cost, performance, provenance, verdicts
+from analysis.study import Study
+from analysis.tables import Table
+from analysis.writing import replaced_folder, write_json
+
+
+def build(study: Study, folder: Path, claims_path: Path = FILE) -> list[Table]:
+    """Compute every table of a study and write ``results/<study>/statistics/``."""
+    claims, cells = read_claims(claims_path), cells_of(study)
+    rows = decide(study, cells, claims)
+    tables = [
+        verdicts.overall_table(overall(rows, claims)),
+        performance.main_table(cells),
+        verdicts.claims_table(rows, claims),
+        performance.final_table(cells),
+        performance.maxima_table(cells),
+        aggregates.table(cells),
+        performance.published_table(cells),
+        performance.seeds_table(cells),
+        cost.energy_table(study),
+        cost.health_table(study),
+        cost.throughput_table(study),
+        provenance.status_table(study),
+        provenance.versions_table(study),
+        provenance.cells_table(study),
+    ]
+    notes = [*study.notes, *provenance.notes(study, cells, claims), *saturated(study)]
+    with replaced_folder(folder / "statistics") as out:
+        for table in tables:
+            table.save(out)
+        write_json(out / "tables.json", {"tables": [table.as_dict() for table in tables], "notes": notes})
+    return tables

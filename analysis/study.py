@@ -1,0 +1,201 @@
+"""All run directories of a study as three tidy frames, checked against one another.
+
+An *arm* is what a reader compares: a label under the task's own spike coding. A run of the paper's actor whose keys were
+changed, or under the other coding, is an arm of its own name and never passes for the paper's actor (``paper`` is false).
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from analysis.errors import InputError
+from analysis.flatten import differing_keys, flatten
+from analysis.reading import Run, UnreadableRunError, read_run
+
+KEYS = ["algo", "env", "arm", "seed"]
+RUN_COLUMNS = [
+    *KEYS, "label", "actor", "encoder", "paper", "counts_as", "status", "step", "total_steps", "horizon", "evaluations", "path",
+    "cell_hash", "configuration_hash", "engine", "changed_keys", "observation_size", "action_size", "actor_parameters",
+    "critic_parameters", "wall_time_seconds", "times_resumed", "commit", "dirty", "processor", "threads", "device", "versions",
+]  # fmt: skip
+EVALUATION_COLUMNS = [*KEYS, "step", "return", "length", "counts_as", "carried"]
+LAYOUT = "<algo>/<env>/<label>/<encoder>/seed_<k>"
+
+
+@dataclass
+class Study:
+    """A study in memory.
+
+    Attributes:
+        runs: one row per readable run, columns ``RUN_COLUMNS``.
+        evaluations: one row per run and evaluation (its episodes averaged), columns ``EVALUATION_COLUMNS``; rows that a
+            diverged run did not live to see repeat its last value and are marked ``carried``.
+        training: ``KEYS`` and the columns of ``training.csv``.
+        configurations: the resolved configuration of each cell, keyed ``algo/env/arm``.
+        notes: what a reader has to know, sentences.
+    """
+
+    name: str
+    runs: pd.DataFrame
+    evaluations: pd.DataFrame
+    training: pd.DataFrame
+    configurations: dict[str, dict[str, Any]] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def counted(self) -> pd.DataFrame:
+        """The runs whose results count: finished, and diverged with their last value carried forward."""
+        return self.runs[self.runs["counts_as"].isin(["finished", "diverged"])]
+
+
+def read_study(folder: Path) -> Study:
+    """Read ``results/<study>``; an empty or missing ``runs/`` gives an empty study with a note.
+
+    Raises:
+        InputError: the folder is no study, or a cell mixes configurations.
+    """
+    if not folder.is_dir():
+        raise InputError(f"There is no folder {folder}; give the path of a study, such as results/paper.")
+    root, notes, runs = folder / "runs", [], []
+    for path, reason in _candidates(root):
+        if reason:
+            notes.append(f"runs/{path}: {reason}; it was left out.")
+            continue
+        try:
+            run = read_run(root / path, path)
+        except UnreadableRunError as error:
+            notes.append(f"runs/{path}: {error}; it was left out.")
+            continue
+        runs.append(run)
+        notes.extend(f"runs/{path}: {note}." for note in run.notes)
+    if not runs:
+        notes.insert(0, f"There are no runs in {folder.name}/runs yet.")
+    _refuse_mixed_cells(runs)
+    return _assemble(folder.name, runs, notes)
+
+
+def _candidates(root: Path) -> list[tuple[str, str]]:
+    """Folders below ``runs/`` in a fixed order: those that have the layout's depth, and others with what is wrong."""
+    if not root.is_dir():
+        return []
+    depth, found = LAYOUT.count("/") + 1, []
+    for path in root.rglob("*"):
+        parts = path.relative_to(root).parts
+        if not path.is_dir() or any(part.startswith(".") for part in parts) or len(parts) > depth:
+            continue
+        if len(parts) == depth:
+            number = parts[-1].removeprefix("seed_")
+            well_named = parts[-1].startswith("seed_") and number.isascii() and number.isdecimal()
+            found.append(("/".join(parts), "" if well_named else f"its path is not {LAYOUT}"))
+        elif not any(child.is_dir() for child in path.iterdir()):
+            found.append(("/".join(parts), f"its path is not {LAYOUT}"))
+    return sorted(found, key=_natural)
+
+
+def _natural(item: tuple[str, str]) -> tuple[str, int, str]:
+    cell, _, last = item[0].rpartition("/")
+    number = last.removeprefix("seed_")
+    return cell, int(number) if number.isascii() and number.isdecimal() else -1, last
+
+
+def _refuse_mixed_cells(runs: list[Run]) -> None:
+    first: dict[str, Run] = {}
+    for run in runs:
+        cell, _, seed = run.path.rpartition("/")
+        other = first.setdefault(cell, run)
+        if run.manifest["cell_hash"] == other.manifest["cell_hash"]:
+            continue
+        differences = differing_keys(_described(other), _described(run))
+        shown = "; ".join(f"{key}: {old} against {new}" for key, old, new in differences) or "no key of config.yaml differs"
+        raise InputError(
+            f"runs/{cell} mixes two configurations: {other.path.rpartition('/')[2]} and {seed} differ in {shown}. "
+            "Move one of them to a label or a study of its own."
+        )
+
+
+def _described(run: Run) -> dict[str, Any]:
+    """What must agree between seeds of one cell: the configuration, and the engine of the code."""
+    return run.config | {"engine": run.manifest.get("engine")}
+
+
+def arm_of(run: Run) -> tuple[str, bool]:
+    """The arm's name, and whether it is the paper's actor as the paper has it."""
+    manifest = run.manifest
+    name, changed = str(manifest["label"]), manifest.get("changed_keys") or {}
+    natural = manifest["encoder"] in ("none", run.config["env"].get("spike_coding", manifest["encoder"]))
+    paper = manifest["label"] == manifest["actor"] and not changed and natural
+    if changed and manifest["label"] == manifest["actor"]:
+        name += f" (changed: {', '.join(sorted(changed))})"
+    if not natural:
+        name += f" [{manifest['encoder']}]"
+    return name, paper
+
+
+def _assemble(name: str, runs: list[Run], notes: list[str]) -> Study:
+    horizons: dict[tuple[str, str], int] = {}
+    for run in runs:
+        place = (run.manifest["algo"], run.manifest["env"])
+        horizons[place] = max(horizons.get(place, 0), run.manifest["total_steps"])
+    rows, evaluations, training, configurations = [], [], [], {}
+    for run in runs:
+        m = run.manifest
+        horizon, counts_as = horizons[m["algo"], m["env"]], run.counts_as
+        if m["total_steps"] < horizon and counts_as != "unfinished":
+            notes.append(
+                f"runs/{run.path}: it was asked for {m['total_steps']:,} steps, others of its task for {horizon:,}; "
+                "results after unequal training are not compared, so it counts as unfinished."
+            )
+            counts_as = "unfinished"
+        arm, paper = arm_of(run)
+        keys = {"algo": m["algo"], "env": m["env"], "arm": arm, "seed": m["seed"]}
+        parameters = m.get("parameters") or {}
+        values = {
+            **{column: m.get(column) for column in RUN_COLUMNS}, **keys, "paper": paper, "counts_as": counts_as,
+            "horizon": horizon, "evaluations": len(run.evaluations), "path": run.path,
+            "changed_keys": json.dumps(m.get("changed_keys") or {}, sort_keys=True),
+            "versions": json.dumps(m.get("versions") or {}, sort_keys=True),
+            "actor_parameters": parameters.get("actor"), "critic_parameters": parameters.get("critic"),
+        }  # fmt: skip
+        rows.append(values)
+        evaluations.append(_with_carried(run, counts_as, horizon).assign(**keys))
+        training.append(run.training.assign(**keys))
+        configurations.setdefault("/".join((m["algo"], m["env"], arm)), run.config)
+    others = [column for frame in training[:] for column in frame.columns if column not in KEYS]
+    return Study(
+        name=name,
+        runs=pd.DataFrame(rows, columns=RUN_COLUMNS),
+        evaluations=_concat(evaluations, EVALUATION_COLUMNS),
+        training=_concat(training, [*KEYS, *dict.fromkeys(["step", *others])]),
+        configurations=configurations,
+        notes=notes,
+    )
+
+
+def _with_carried(run: Run, counts_as: str, horizon: int) -> pd.DataFrame:
+    """The evaluations; for a diverged run also its last one, repeated up to the horizon (METHOD: a diverged run counts)."""
+    table = run.evaluations[["step", "return", "length"]].assign(counts_as=counts_as, carried=False)
+    if counts_as != "diverged":
+        return table
+    interval = int(run.config["protocol"]["evaluation_interval"])
+    last = table.iloc[-1]
+    missing = sorted({*range(0, horizon + 1, interval), horizon} - set(table["step"]))
+    missing = [step for step in missing if step > last["step"]]
+    carried = pd.DataFrame({"step": missing, "return": last["return"], "length": last["length"]})
+    return pd.concat([table, carried.assign(counts_as=counts_as, carried=True)]) if missing else table
+
+
+def _concat(frames: list[pd.DataFrame], columns: list[str]) -> pd.DataFrame:
+    full = [frame for frame in frames if len(frame)]
+    if not full:
+        return pd.DataFrame(columns=columns)
+    return pd.concat(full, ignore_index=True).reindex(columns=columns)
+
+
+def flat_configuration(study: Study, algo: str, env: str, arm: str) -> dict[str, Any]:
+    """The resolved configuration of a cell with dotted keys; empty if the study has no such cell."""
+    return flatten(study.configurations.get(f"{algo}/{env}/{arm}", {}))

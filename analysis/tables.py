@@ -1,0 +1,124 @@
+"""A table once, in three forms: CSV with full numbers, LaTeX (booktabs), and display strings for the report."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from analysis.writing import write_csv, write_text
+
+_LATEX = {
+    "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
+    "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": r"\textless{}", ">": r"\textgreater{}", "±": r"$\pm$", "–": "--",
+    "−": "$-$", "×": r"$\times$", "[": "{[}", "]": "{]}",
+}  # fmt: skip
+
+
+@dataclass
+class Table:
+    """A table of the report.
+
+    Attributes:
+        section: where in the report it stands.
+        frame: the full numbers.
+        columns: ``(key of the frame, header, how to print a value)``; keys left out stand in the CSV only.
+        empty: what to say where there are no rows.
+        folded: shown behind a click, for long tables.
+    """
+
+    name: str
+    section: str
+    title: str
+    caption: str
+    frame: pd.DataFrame
+    columns: list[tuple[str, str, Callable[[Any], str]]]
+    empty: str = "Nothing to show."
+    folded: bool = False
+    extra: dict[str, Any] = field(default_factory=dict)
+
+    def headers(self) -> list[str]:
+        """Printed headers."""
+        return [header for _, header, _ in self.columns]
+
+    def rows(self) -> list[list[str]]:
+        """Printed cells."""
+        if self.frame.empty:
+            return []
+        columns = [[show(value) for value in self.frame[key]] for key, _, show in self.columns]
+        return [list(row) for row in zip(*columns)]
+
+    def numeric(self) -> list[bool]:
+        """Which columns are numbers, and so stand on the right."""
+        return [show is not text for _, _, show in self.columns]
+
+    def as_dict(self) -> dict[str, Any]:
+        """For ``tables.json``."""
+        return {
+            "name": self.name, "section": self.section, "title": self.title, "caption": self.caption, "headers": self.headers(),
+            "numeric": self.numeric(), "rows": self.rows(), "empty": self.empty, "folded": self.folded, **self.extra,
+        }  # fmt: skip
+
+    def latex(self) -> str:
+        """A ``table`` environment with booktabs rules; needs ``\\usepackage{booktabs}``."""
+        align = "".join("r" if number else "l" for number in self.numeric())
+        lines = [
+            "\\begin{table}", "\\centering", f"\\caption{{{escape_latex(self.title + '. ' + self.caption)}}}",
+            f"\\label{{tab:{self.name.replace('_', '-')}}}", f"\\begin{{tabular}}{{{align}}}", "\\toprule",
+            " & ".join(map(escape_latex, self.headers())) + r" \\", "\\midrule",
+            *(" & ".join(map(escape_latex, row)) + r" \\" for row in self.rows()),
+            "\\bottomrule", "\\end{tabular}", "\\end{table}",
+        ]  # fmt: skip
+        return "\n".join(lines) + "\n"
+
+    def save(self, folder: Path) -> None:
+        """``<name>.csv`` and ``<name>.tex``."""
+        write_csv(folder / f"{self.name}.csv", self.frame)
+        write_text(folder / f"{self.name}.tex", self.latex())
+
+
+def escape_latex(words: str) -> str:
+    """Every character that LaTeX would read as a command."""
+    return "".join(_LATEX.get(character, character) for character in words)
+
+
+def text(value: Any) -> str:
+    """As it is; nothing for a missing value."""
+    return "" if value is None or (isinstance(value, float) and math.isnan(value)) else str(value)
+
+
+def number(digits: int = 0, missing: str = "–") -> Callable[[Any], str]:
+    """A fixed number of decimals, thousands separated, a true minus sign."""
+
+    def show(value: Any) -> str:
+        if value is None or pd.isna(value):
+            return missing
+        shown = f"{float(value):,.{digits}f}"
+        return shown.replace("-", "−") if float(shown.replace(",", "")) != 0 else shown.lstrip("-")
+
+    return show
+
+
+def p_value(value: Any) -> str:
+    """Three decimals; nothing smaller than ``< 0.001``."""
+    if value is None or pd.isna(value):
+        return "–"
+    return "< 0.001" if value < 0.001 else f"{value:.3f}"
+
+
+def pair(value: Any, low: Any, high: Any, digits: int = 0) -> str:
+    """``value [low, high]``, or the value alone where there is no interval."""
+    show = number(digits)
+    return show(value) if pd.isna(low) else f"{show(value)} [{show(low)}, {show(high)}]"
+
+
+def spread(mean: Any, std: Any, n: int, digits: int = 0) -> str:
+    """``mean ± std (n)``; no spread for one seed."""
+    show = number(digits)
+    if pd.isna(mean):
+        return "–"
+    return f"{show(mean)} (n={n})" if pd.isna(std) else f"{show(mean)} ± {show(std)} (n={n})"
