@@ -1,4 +1,4 @@
-"""TorchRL and Gymnasium must agree on what happened, and a task that cannot be trained must be said so in a sentence."""
+"""TorchRL and Gymnasium must agree on what happened; a task that cannot be trained must be said so in a sentence."""
 
 from __future__ import annotations
 

@@ -97,7 +97,7 @@ def test_ant_in_contact_continues_bit_for_bit() -> None:
         resumed = TrainingEnvironment(task("ant"))
         resumed.restore_on_next_reset(state)
         for found, other in zip(steps(resumed, resumed.reset(), actions[number:]), expected[number:], strict=True):
-            assert (found == other).all()
+            assert bool((found == other).all())
 
 
 def test_the_physics_alone_would_not_do() -> None:
