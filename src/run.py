@@ -26,26 +26,28 @@ def task(composed: DictConfig) -> str:
 
 def main() -> int:
     """Run the command; bad input is one clear sentence and exit code 2."""
-    from src.experiment.execute import RunFailedError
-    from src.experiment.input_errors import INPUT_ERRORS, mistakes_before_hydra, sentence
+    from src.experiment.input_errors import is_input_error, mistakes_before_hydra, sentence
     from src.experiment.outcome import DONE, FAILED, KILLED_BY_USER, REFUSED
 
     show_traceback = os.environ.get("HYDRA_FULL_ERROR") == "1"
     _prepare_process()
     if sys.flags.optimize:
         return _refuse("Python's -O breaks Hydra's range() and glob(); run without it.", REFUSED)
+    sys.argv[1:] = sorted(sys.argv[1:], key=lambda argument: argument not in ("-m", "--multirun"))  # wherever it stands
     if mistake := mistakes_before_hydra(sys.argv[1:]):
         return _refuse(mistake, REFUSED)
     try:
         task()
-    except INPUT_ERRORS as error:
-        if show_traceback:
+    except Exception as error:
+        if show_traceback or not is_input_error(error):
             raise
         return _refuse(sentence(error), REFUSED)
-    except RunFailedError as error:
-        if show_traceback:
+    except SystemExit as stop:  # a single run's errors go around Hydra
+        if stop.__cause__ is None:
             raise
-        return _refuse(str(error), FAILED)
+        if show_traceback:
+            raise stop.__cause__ from None
+        return _refuse(str(stop.__cause__), stop.code if isinstance(stop.code, int) else FAILED)
     except KeyboardInterrupt:
         return KILLED_BY_USER
     return DONE

@@ -11,8 +11,14 @@ from omegaconf.errors import OmegaConfBaseException
 
 from src.config import ConfigurationError
 
-#: What a user's input can raise while Hydra composes.
-INPUT_ERRORS = (ConfigurationError, HydraException, OmegaConfBaseException)
+_NOT_A_NAME = "Config group override must be a string"
+
+
+def is_input_error(error: BaseException) -> bool:
+    """Whether a user's input can raise this while Hydra composes."""
+    if isinstance(error, ValueError) and str(error).startswith(_NOT_A_NAME):
+        return True
+    return isinstance(error, ConfigurationError | HydraException | OmegaConfBaseException)
 
 
 def mistakes_before_hydra(arguments: Sequence[str]) -> str | None:
@@ -20,8 +26,14 @@ def mistakes_before_hydra(arguments: Sequence[str]) -> str | None:
     files = [a for a in arguments if re.match(r"\+{0,2}sweeps=", a)]
     if len(files) > 1 or any(re.search(r"[,(\[]", f.split("=", 1)[1]) for f in files):
         return "sweeps: one sweep file per command; run them one after the other."
+    if any(f.startswith("+") for f in files):
+        return f"{files[0]}: write it without the plus."
     for argument in arguments:
-        key, _, value = argument.partition("=")
+        if argument.startswith(("-", "~")):
+            continue
+        key, equals, value = argument.partition("=")
+        if not key or not equals:
+            return f"{argument}: should be key=value."
         if re.search(r"\b(range|glob|choice|interval)\([^()]*\)\s*,|,\s*(range|glob|choice|interval)\(", value):
             return f"{argument}: a range can't be mixed with other values; write them all out, such as {key}=0,1,2,7."
         if re.match(r"interval\(", value):
@@ -34,9 +46,11 @@ def sentence(error: BaseException) -> str:
     text = str(error)
     if isinstance(error, ConfigurationError):
         return text
+    if text.startswith(_NOT_A_NAME):
+        return "A group takes the name of an option (such as actor=popsan), not a number or null."
     cause = str(error.__cause__) if error.__cause__ is not None else ""
     whole = f"{text}\n{cause}"
-    for tell in (_unknown_option, _unknown_key, _wrong_type, _needs_multirun):
+    for tell in (_unknown_option, _unknown_key, _wrong_type, _needs_multirun, _unreadable):
         told = tell(whole)
         if told:
             return told
@@ -58,7 +72,10 @@ def _unknown_key(text: str) -> str | None:
     reasons = ("is not in struct", "not in '", "No match in the defaults list")
     if not found or not any(reason in text for reason in reasons):
         return None
-    return f"{found.group(1)}: there is no such key; `python -m src.run --cfg job` prints those there are."
+    key = found.group(1)
+    if key.startswith(("env.kwargs.", "actor.arguments.")):
+        return f"{key}: there is no such key yet; write +{key}=... to add it."
+    return f"{key}: there is no such key; `python -m src.run --cfg job` prints those there are."
 
 
 def _wrong_type(text: str) -> str | None:
@@ -71,6 +88,12 @@ def _needs_multirun(text: str) -> str | None:
         r"Ambiguous value for argument '([^']+)'", text
     )
     return f"{found.group(1)}: several values make a grid; add -m to the command." if found else None
+
+
+def _unreadable(text: str) -> str | None:
+    if "override_grammar" not in text:
+        return None
+    return f"The command line can't be read: {text.splitlines()[0]}; quote values with special characters."
 
 
 def _closest(option: str, options: Sequence[str]) -> str:

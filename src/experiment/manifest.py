@@ -99,9 +99,9 @@ def read(path: Path) -> Manifest | None:
         failure = content.get("failure")
         content["failure"] = Failure(**failure) if failure else None
         return Manifest(**{key: value for key, value in content.items() if key in _KEYS})
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         return None
     except ManifestError:
         raise
-    except (ValueError, TypeError, KeyError, AttributeError, NotADirectoryError) as error:
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise ManifestError(f"{path}: can't be read ({error}); restore it, or delete its run directory.") from None

@@ -148,11 +148,12 @@ def _refuse_shared_directories(configs: Sequence[ExperimentConfig]) -> None:
         if path in seen:
             one, other = flatten(to_dict(seen[path])), flatten(to_dict(config))
             keys = sorted(key for key in one.keys() | other.keys() if one.get(key) != other.get(key))
-            what = f"they differ in {', '.join(keys)}" if keys else "they are the same cell twice"
             name = RunDirectory(path).name
+            if not keys:
+                raise ConfigurationError(f"{name}: the grid has this cell twice; name it once.")
             raise ConfigurationError(
-                f"Two cells of the grid would share the directory {name}: {what}. Tell them apart with label=, "
-                "such as 'label=clip${normalization_clip}'."
+                f"Two cells of the grid would share the directory {name}: they differ in {', '.join(keys)}. "
+                f"Tell them apart with label=, such as 'label={config.actor.name}-${{{keys[0]}}}'."
             )
         seen[path] = config
 

@@ -9,13 +9,13 @@ from hydra.types import RunMode
 from omegaconf import DictConfig
 from rich.console import Console
 
-from src.config import ExperimentConfig
+from src.config import ConfigurationError, ExperimentConfig
 from src.experiment.claim import BusyError
 from src.experiment.compose import cell_of
 from src.experiment.csv_log import last_return
 from src.experiment.decision import Action
-from src.experiment.execute import execute
-from src.experiment.outcome import INTERRUPTED, Outcome
+from src.experiment.execute import RunFailedError, execute
+from src.experiment.outcome import FAILED, INTERRUPTED, REFUSED, Outcome
 from src.experiment.plan import check_writable, make_plan, show
 from src.experiment.progress import PlainProgress, display, number
 from src.experiment.run_directory import RunDirectory
@@ -25,14 +25,18 @@ def run_composed(composed: DictConfig) -> str:
     """Hydra's task function; returns the run's status.
 
     Raises:
-        ConfigurationError: bad input.
-        RunFailedError: the run failed and has recorded why.
-        SystemExit: 75, interrupted or busy.
+        SystemExit: of a single run: bad input or a recorded failure (its cause), interrupted or busy.
+        ConfigurationError: of one run of many: bad input.
+        RunFailedError: of one run of many: it failed and has recorded why.
     """
-    config = cell_of(composed)
-    if HydraConfig.get().mode == RunMode.RUN:
-        return _alone(config)
-    return _one_of_many(config)
+    if HydraConfig.get().mode != RunMode.RUN:
+        return _one_of_many(cell_of(composed))
+    try:
+        return _alone(cell_of(composed))
+    except ConfigurationError as error:
+        raise SystemExit(REFUSED) from error  # not an Exception: Hydra would print lines of its own around it
+    except RunFailedError as error:
+        raise SystemExit(FAILED) from error
 
 
 def _alone(config: ExperimentConfig) -> str:

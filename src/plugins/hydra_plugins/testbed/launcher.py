@@ -10,6 +10,7 @@ from hydra.types import HydraContext, TaskFunction
 from omegaconf import DictConfig
 from rich.console import Console
 
+from src.config import ConfigurationError
 from src.experiment.closing import Ending
 from src.experiment.compose import cell_of
 from src.experiment.machine import usable_cores
@@ -28,8 +29,14 @@ class LocalLauncher(Launcher):
 
     def setup(self, *, hydra_context: HydraContext, task_function: TaskFunction, config: DictConfig) -> None:
         """Hydra's own call."""
-        self.hydra_context = hydra_context
-        self.config = config
+        self._config = config
+        self._loader = hydra_context.config_loader
+        for key in ("n_jobs", "grace_seconds", "hang_minutes"):
+            value = getattr(self, key)
+            if value is None and key != "grace_seconds":
+                continue
+            if not isinstance(value, int if key == "n_jobs" else int | float) or isinstance(value, bool) or value <= 0:
+                raise ConfigurationError(f"hydra.launcher.{key}: should be a positive number, found {value!r}.")
 
     def jobs_at_once(self, threads: int) -> int:
         """``n_jobs``, by default as many as the usable cores hold."""
@@ -43,17 +50,16 @@ class LocalLauncher(Launcher):
 
     def launch(self, job_overrides: Sequence[Sequence[str]], initial_job_idx: int) -> Sequence[JobReturn]:
         """Hydra's own call, for other sweepers than ours."""
-        loader = self.hydra_context.config_loader
-        configs = [cell_of(loader.load_sweep_config(self.config, list(each))) for each in job_overrides]
+        configs = [cell_of(self._loader.load_sweep_config(self._config, list(each))) for each in job_overrides]
         plan = make_plan(configs)
         endings = {end.name: end for end in self.run_cells(plan.to_do)}
         returns = []
         for overrides, cell in zip(job_overrides, plan.cells):
             end = endings.get(cell.run.name)
-            well = end is None or end.state == "complete"
-            result = JobReturn(overrides=overrides, status=JobStatus.COMPLETED if well else JobStatus.FAILED)
-            result.return_value = (
-                "complete" if well or end is None else RuntimeError(f"{end.name}: {end.state} {end.why}")
-            )
+            result = JobReturn(overrides=overrides, status=JobStatus.COMPLETED)
+            result.return_value = "complete"
+            if end is not None and end.state != "complete":
+                result.status = JobStatus.FAILED
+                result.return_value = RuntimeError(f"{end.name}: {end.state} {end.why}")
             returns.append(result)
         return returns

@@ -36,9 +36,9 @@ class GridSweeper(Sweeper):
 
     def setup(self, *, hydra_context: HydraContext, task_function: TaskFunction, config: DictConfig) -> None:
         """Hydra's own call."""
-        self.config = config
-        self.hydra_context = hydra_context
-        self.launcher = Plugins.instance().instantiate_launcher(
+        self._config = config
+        self._loader = hydra_context.config_loader
+        self._launcher = Plugins.instance().instantiate_launcher(
             hydra_context=hydra_context, task_function=task_function, config=config
         )
 
@@ -49,13 +49,13 @@ class GridSweeper(Sweeper):
             ConfigurationError: a cell is invalid; nothing was started.
             SystemExit: the exit code, where it isn't 0.
         """
-        parser = OverridesParser.create(config_loader=self.hydra_context.config_loader)
+        parser = OverridesParser.create(config_loader=self._loader)
         jobs = product(parser.parse_overrides([f"{key}={value}" for key, value in self.params.items()] + arguments))
         configs = self._compose(jobs)
         plan = make_plan(configs)
         dry = any(config.dry_run for config in configs)
         console = Console()
-        local = self.launcher if isinstance(self.launcher, LocalLauncher) else None
+        local = self._launcher if isinstance(self._launcher, LocalLauncher) else None
         at_once = local.jobs_at_once(max(c.threads for c in configs)) if local else len(plan.to_do)
         show(plan, console, max(at_once, 1), with_cost=dry)
         if dry:
@@ -79,7 +79,7 @@ class GridSweeper(Sweeper):
             seeds = [each for each in job if re.fullmatch(r"seed=\d+", each)]
             key = tuple(each for each in job if each not in seeds)
             if key not in shared:
-                shared[key] = self.hydra_context.config_loader.load_sweep_config(self.config, list(job))
+                shared[key] = self._loader.load_sweep_config(self._config, list(job))
             composed = shared[key]
             if seeds:
                 composed.seed = int(seeds[-1].removeprefix("seed="))
@@ -93,13 +93,11 @@ class GridSweeper(Sweeper):
 
     def _launch_elsewhere(self, plan: Plan, jobs: Sequence[Sequence[str]]) -> None:
         """Hand the cells to do to another launcher of Hydra's; an error of one batch doesn't end the sweep."""
-        launcher = self.launcher
-        assert launcher is not None
         needed = [list(job) for job, cell in zip(jobs, plan.cells) if cell in plan.to_do]
         size = self.max_batch_size or max(len(needed), 1)
         for start in range(0, len(needed), size):
             try:
-                launcher.launch(needed[start : start + size], initial_job_idx=start)
+                self._launcher.launch(needed[start : start + size], initial_job_idx=start)
             except Exception as error:
                 print(f"the launcher says: {type(error).__name__}: {error}", file=sys.stderr)
 
