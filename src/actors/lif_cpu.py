@@ -1,0 +1,159 @@
+"""The kernels' operators on the CPU: from tensors to the arrays that Numba takes, and back.
+
+``lif_forward`` gives spikes, membrane potentials and largest branches; ``lif_inference`` the spikes alone, and writes
+nothing else; ``lif_backward`` the gradients to currents, bias and lateral weights.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from src.actors.lif_kernel import backward_kernel, forward_kernel
+
+
+def forward(
+    currents: Tensor,
+    bias: Tensor | None,
+    lateral: Tensor | None,
+    offsets: Sequence[int],
+    branches: int,
+    *constants: float,
+) -> tuple[Tensor, Tensor, Tensor]:
+    spikes, potentials, branch = empty_forward(currents, bias, lateral, offsets, branches)
+    _scan(currents, bias, lateral, offsets, branches, constants, spikes, potentials.numpy(), branch.numpy())
+    return spikes, potentials, branch
+
+
+def inference(
+    currents: Tensor,
+    bias: Tensor | None,
+    lateral: Tensor | None,
+    offsets: Sequence[int],
+    branches: int,
+    *constants: float,
+) -> Tensor:
+    spikes = empty_inference(currents, bias, lateral, offsets, branches)
+    _scan(currents, bias, lateral, offsets, branches, constants, spikes, _NOTHING, _NO_BRANCH)
+    return spikes
+
+
+def _scan(
+    currents: Tensor,
+    bias: Tensor | None,
+    lateral: Tensor | None,
+    offsets: Sequence[int],
+    branches: int,
+    constants: Sequence[float],
+    spikes: Tensor,
+    potentials: np.ndarray,
+    branch: np.ndarray,
+) -> None:
+    steps, samples, neurons = spikes.shape
+    z = currents.detach().contiguous().numpy().reshape(steps, samples, branches, neurons)
+    forward_kernel()(
+        z,
+        _zero_row(neurons) if bias is None else _array(bias),
+        _no_rows(neurons) if lateral is None else _array(lateral),
+        _offsets(tuple(offsets)),
+        *(np.float32(constant) for constant in constants),
+        spikes.numpy(),
+        potentials,
+        branch,
+    )
+
+
+def backward(
+    grad: Tensor,
+    spikes: Tensor,
+    potentials: Tensor,
+    branch: Tensor,
+    lateral: Tensor | None,
+    offsets: Sequence[int],
+    branches: int,
+    *constants: float,
+) -> tuple[Tensor, Tensor, Tensor]:
+    steps, samples, neurons = spikes.shape
+    grad_currents = spikes.new_empty(steps, samples, branches * neurons)
+    grad_bias, grad_lateral = spikes.new_zeros(neurons), spikes.new_zeros(len(offsets), neurons)
+    backward_kernel()(
+        _array(grad),
+        spikes.numpy(),
+        potentials.numpy(),
+        branch.numpy(),
+        _no_rows(neurons) if lateral is None else _array(lateral),
+        _offsets(tuple(offsets)),
+        *(np.float32(constant) for constant in constants),
+        grad_currents.numpy().reshape(steps, samples, branches, neurons),
+        grad_bias.numpy(),
+        grad_lateral.numpy(),
+    )
+    return grad_currents, grad_bias, grad_lateral
+
+
+def _array(tensor: Tensor) -> np.ndarray:
+    return tensor.detach().contiguous().numpy()
+
+
+@cache
+def _offsets(offsets: tuple[int, ...]) -> np.ndarray:
+    return np.array(offsets, dtype=np.int64)
+
+
+@cache
+def _zero_row(neurons: int) -> np.ndarray:
+    return np.zeros(neurons, np.float32)
+
+
+@cache
+def _no_rows(neurons: int) -> np.ndarray:
+    return np.zeros((0, neurons), np.float32)
+
+
+_NOTHING, _NO_BRANCH = np.zeros((0, 0, 0), np.float32), np.zeros((0, 0, 0), np.int8)
+
+
+def empty_forward(
+    currents: Tensor,
+    bias: Tensor | None,
+    lateral: Tensor | None,
+    offsets: Sequence[int],
+    branches: int,
+    *constants: float,
+) -> tuple[Tensor, Tensor, Tensor]:
+    steps, samples, width = currents.shape
+    shape = (steps, samples, width // branches)
+    # A linear layer has one branch: nothing to remember.
+    branch = currents.new_empty(shape if branches > 1 else (0, 0, 0), dtype=torch.int8)
+    return currents.new_empty(shape), currents.new_empty(shape), branch
+
+
+def empty_inference(
+    currents: Tensor,
+    bias: Tensor | None,
+    lateral: Tensor | None,
+    offsets: Sequence[int],
+    branches: int,
+    *constants: float,
+) -> Tensor:
+    steps, samples, width = currents.shape
+    return currents.new_empty(steps, samples, width // branches)
+
+
+def empty_backward(
+    grad: Tensor,
+    spikes: Tensor,
+    potentials: Tensor,
+    branch: Tensor,
+    lateral: Tensor | None,
+    offsets: Sequence[int],
+    branches: int,
+    *constants: float,
+) -> tuple[Tensor, Tensor, Tensor]:
+    steps, samples, neurons = spikes.shape
+    currents = grad.new_empty(steps, samples, branches * neurons)
+    return currents, grad.new_empty(neurons), grad.new_empty(len(offsets), neurons)

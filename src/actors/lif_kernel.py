@@ -1,0 +1,234 @@
+"""The fused spiking layer on the CPU: :func:`src.actors.lif.lif_reference` and its gradient by hand, in Numba.
+
+One sample after the other runs through all T steps, so that its state (a few rows of n numbers) stays in the cache.
+Each equation is one pass over a row, small enough for LLVM to check that its arrays do not overlap and then to use
+SIMD: beyond eight pairs of arrays it gives up and computes one number at a time. Every operation is in the order of
+the reference and none is fused or reassociated (no ``fastmath``), so values are equal bit for bit.
+
+Each kernel is compiled for one signature, on first use, and cached on disk; where no cache can be written, it is
+compiled again by each process.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numba import float32, int8, int64, njit, void
+
+ZERO, ONE = np.float32(0), np.float32(1)
+
+_ROW, _ROWS, _STEPS = float32[::1], float32[:, ::1], float32[:, :, ::1]
+_CURRENTS, _BRANCH, _OFFSETS = float32[:, :, :, ::1], int8[:, :, ::1], int64[::1]
+_FORWARD = void(_CURRENTS, _ROW, _ROWS, _OFFSETS, float32, float32, float32, _STEPS, _STEPS, _BRANCH)
+_BACKWARD = void(
+    _STEPS, _STEPS, _STEPS, _BRANCH, _ROWS, _OFFSETS, float32, float32, float32, float32, float32, float32,
+    _CURRENTS, _ROW, _ROWS,
+)  # fmt: skip
+
+
+def _fill(row, value):  # type: ignore[no-untyped-def]
+    for j in range(row.shape[0]):
+        row[j] = value
+
+
+def _copy(target, source):  # type: ignore[no-untyped-def]
+    for j in range(target.shape[0]):
+        target[j] = source[j]
+
+
+def _add(target, a):  # type: ignore[no-untyped-def]
+    for j in range(target.shape[0]):
+        target[j] = target[j] + a[j]
+
+
+def _add_product(target, a, b):  # type: ignore[no-untyped-def]
+    for j in range(target.shape[0]):
+        target[j] = target[j] + a[j] * b[j]
+
+
+def _add_two_products(target, a0, b0, a1, b1):  # type: ignore[no-untyped-def]
+    for j in range(target.shape[0]):
+        target[j] = target[j] + a0[j] * b0[j] + a1[j] * b1[j]
+
+
+def _maxout_first(x, branch, z0, z1):  # type: ignore[no-untyped-def]
+    """``x = max(z_0, z_1)``; the first wins ties."""
+    for j in range(x.shape[0]):
+        larger = z1[j] > z0[j]
+        branch[j] = larger
+        x[j] = z1[j] if larger else z0[j]
+
+
+def _maxout_next(x, branch, z, index):  # type: ignore[no-untyped-def]
+    """``x = max(x, z_m)`` for a further branch m."""
+    for j in range(x.shape[0]):
+        larger = z[j] > x[j]
+        branch[j] = index if larger else branch[j]
+        x[j] = z[j] if larger else x[j]
+
+
+def _current(c, x, bias, decay):  # type: ignore[no-untyped-def]
+    """``c = d_c c + (x + bias)``."""
+    for j in range(c.shape[0]):
+        c[j] = decay * c[j] + (x[j] + bias[j])
+
+
+def _membrane(v, o, c, decay):  # type: ignore[no-untyped-def]
+    """``v = d_v v (1 - o) + c``."""
+    for j in range(v.shape[0]):
+        v[j] = decay * v[j] * (ONE - o[j]) + c[j]
+
+
+def _fire(o, v, threshold):  # type: ignore[no-untyped-def]
+    """``o = 1[v > v_th]``."""
+    for j in range(o.shape[0]):
+        o[j] = ONE if v[j] > threshold else ZERO
+
+
+def _membrane_gradient(gv, g, v, o, voltage_decay, threshold, window, reset):  # type: ignore[no-untyped-def]
+    """Gradient to v_tau from that to o_tau and, through decay and reset, from that to v_(tau+1) (``gv`` before)."""
+    for j in range(gv.shape[0]):
+        through_spike = g[j] - reset * voltage_decay * v[j] * gv[j]
+        through_spike = through_spike if abs(v[j] - threshold) < window else ZERO
+        gv[j] = through_spike + voltage_decay * (ONE - o[j]) * gv[j]
+
+
+def _current_gradient(gc, gv, decay):  # type: ignore[no-untyped-def]
+    """``grad_c_tau = grad_v_tau + d_c grad_c_(tau+1)``."""
+    for j in range(gc.shape[0]):
+        gc[j] = gv[j] + decay * gc[j]
+
+
+def _branch_gradient(gz, gc, branch, index):  # type: ignore[no-untyped-def]
+    """The gradient goes to the branch that was the largest."""
+    for j in range(gz.shape[0]):
+        gz[j] = gc[j] if branch[j] == index else ZERO
+
+
+def _forward(  # type: ignore[no-untyped-def]
+    currents, bias, lateral, offsets, current_decay, voltage_decay, threshold, spikes, potentials, branches
+):
+    """Fill ``spikes``; and ``potentials`` and ``branches`` where they are not empty (acting needs neither).
+
+    Shapes: currents ``[T, B, d, n]``, bias ``[n]``, lateral ``[K, n]``, offsets ``[K]``, the others ``[T, B, n]``.
+    """
+    steps, samples, dendrites, n = currents.shape
+    neighbours = lateral.shape[0]
+    keep = potentials.shape[0] > 0
+    radius = 0
+    for k in range(neighbours):
+        radius = max(radius, abs(offsets[k]))
+    c, v, x = np.empty(n, np.float32), np.empty(n, np.float32), np.empty(n, np.float32)
+    branch = np.zeros(n, np.int8)
+    padded = np.zeros(n + 2 * radius, np.float32)  # zeros beyond the ends of the line
+    o = padded[radius : radius + n]
+    for b in range(samples):
+        _fill(c, ZERO)
+        _fill(v, ZERO)
+        _fill(o, ZERO)
+        for t in range(steps):
+            if dendrites == 1:
+                _current(c, currents[t, b, 0], bias, current_decay)
+            else:
+                _maxout_first(x, branch, currents[t, b, 0], currents[t, b, 1])
+                for m in range(2, dendrites):
+                    _maxout_next(x, branch, currents[t, b, m], np.int8(m))
+                _current(c, x, bias, current_decay)
+            _membrane(v, o, c, voltage_decay)
+            if t > 0:
+                k = 0
+                while k + 1 < neighbours:
+                    o0, o1 = padded[radius + offsets[k] :], padded[radius + offsets[k + 1] :]
+                    _add_two_products(v, lateral[k], o0, lateral[k + 1], o1)
+                    k += 2
+                if k < neighbours:
+                    _add_product(v, lateral[k], padded[radius + offsets[k] :])
+            _fire(o, v, threshold)
+            _copy(spikes[t, b], o)
+            if keep:
+                _copy(potentials[t, b], v)
+                if dendrites > 1:
+                    _copy(branches[t, b], branch)
+
+
+def _backward(  # type: ignore[no-untyped-def]
+    grad, spikes, potentials, branches, lateral, offsets, current_decay, voltage_decay, threshold, window, reset,
+    through_lateral, grad_currents, grad_bias, grad_lateral,
+):  # fmt: skip
+    """Fill ``grad_currents`` and add to ``grad_bias`` and ``grad_lateral``.
+
+    Shapes as in the forward kernel, ``grad`` as ``spikes``; ``reset`` and ``through_lateral`` are 1 or 0: whether the
+    reset and the lateral term carry gradient to the spikes of the step before.
+    """
+    steps, samples, dendrites, n = grad_currents.shape
+    neighbours = lateral.shape[0]
+    radius = 0
+    for k in range(neighbours):
+        radius = max(radius, abs(offsets[k]))
+    g, gc = np.empty(n, np.float32), np.empty(n, np.float32)
+    padded_o = np.zeros(n + 2 * radius, np.float32)
+    padded_gv = np.zeros(n + 2 * radius, np.float32)
+    padded_lateral = np.zeros((neighbours, n + 2 * radius), np.float32)
+    for k in range(neighbours):
+        _copy(padded_lateral[k, radius : radius + n], lateral[k])
+    o, gv = padded_o[radius : radius + n], padded_gv[radius : radius + n]
+    for b in range(samples):
+        _fill(gv, ZERO)
+        _fill(gc, ZERO)
+        for t in range(steps - 1, -1, -1):
+            _copy(g, grad[t, b])
+            _copy(o, spikes[t, b])
+            if t < steps - 1:
+                for k in range(neighbours):
+                    _add_product(grad_lateral[k], gv, padded_o[radius + offsets[k] :])
+                if through_lateral > 0:
+                    k = 0
+                    while k + 1 < neighbours:
+                        s0, s1 = radius - offsets[k], radius - offsets[k + 1]
+                        _add_two_products(
+                            g, padded_lateral[k, s0:], padded_gv[s0:], padded_lateral[k + 1, s1:], padded_gv[s1:]
+                        )
+                        k += 2
+                    if k < neighbours:
+                        s0 = radius - offsets[k]
+                        _add_product(g, padded_lateral[k, s0:], padded_gv[s0:])
+            _membrane_gradient(gv, g, potentials[t, b], o, voltage_decay, threshold, window, reset)
+            _current_gradient(gc, gv, current_decay)
+            _add(grad_bias, gc)
+            if dendrites == 1:
+                _copy(grad_currents[t, b, 0], gc)
+            else:
+                for m in range(dendrites):
+                    _branch_gradient(grad_currents[t, b, m], gc, branches[t, b], np.int8(m))
+
+
+_PASSES = (
+    _fill, _copy, _add, _add_product, _add_two_products, _maxout_first, _maxout_next, _current, _membrane, _fire,
+    _membrane_gradient, _current_gradient, _branch_gradient,
+)  # fmt: skip
+for _function in _PASSES:
+    globals()[_function.__name__] = njit(_function)
+
+
+def compiled(function: Callable[..., None], signature: Any) -> Callable[..., None]:
+    """Compile for one signature; cached on disk where that is possible."""
+    options: dict[str, Any] = {"nogil": True, "boundscheck": False, "error_model": "numpy"}
+    try:
+        return njit(signature, cache=True, **options)(function)
+    except Exception:  # no writable cache, a full disk, a broken cache file: compile without one
+        return njit(signature, **options)(function)
+
+
+@cache
+def forward_kernel() -> Callable[..., None]:
+    """The compiled forward scan."""
+    return compiled(_forward, _FORWARD)
+
+
+@cache
+def backward_kernel() -> Callable[..., None]:
+    """The compiled gradient."""
+    return compiled(_backward, _BACKWARD)
