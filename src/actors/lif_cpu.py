@@ -24,6 +24,7 @@ def forward(
     branches: int,
     *constants: float,
 ) -> tuple[Tensor, Tensor, Tensor]:
+    """Operator ``lif_forward``; constants are d_c, d_v, v_th."""
     spikes, potentials, branch = empty_forward(currents, bias, lateral, offsets, branches)
     _scan(currents, bias, lateral, offsets, branches, constants, spikes, potentials.numpy(), branch.numpy())
     return spikes, potentials, branch
@@ -37,6 +38,7 @@ def inference(
     branches: int,
     *constants: float,
 ) -> Tensor:
+    """Operator ``lif_inference``; constants are d_c, d_v, v_th."""
     spikes = empty_inference(currents, bias, lateral, offsets, branches)
     _scan(currents, bias, lateral, offsets, branches, constants, spikes, _NOTHING, _NO_BRANCH)
     return spikes
@@ -77,6 +79,7 @@ def backward(
     branches: int,
     *constants: float,
 ) -> tuple[Tensor, Tensor, Tensor]:
+    """Operator ``lif_backward``; constants are all of LIFConstants."""
     steps, samples, neurons = spikes.shape
     grad_currents = spikes.new_empty(steps, samples, branches * neurons)
     grad_bias, grad_lateral = spikes.new_zeros(neurons), spikes.new_zeros(len(offsets), neurons)
@@ -125,6 +128,7 @@ def empty_forward(
     branches: int,
     *constants: float,
 ) -> tuple[Tensor, Tensor, Tensor]:
+    """Outputs of ``lif_forward``, uninitialised: shapes and types only."""
     steps, samples, width = currents.shape
     shape = (steps, samples, width // branches)
     # A linear layer has one branch: nothing to remember.
@@ -140,6 +144,7 @@ def empty_inference(
     branches: int,
     *constants: float,
 ) -> Tensor:
+    """Outputs of ``lif_inference``, uninitialised."""
     steps, samples, width = currents.shape
     return currents.new_empty(steps, samples, width // branches)
 
@@ -154,6 +159,7 @@ def empty_backward(
     branches: int,
     *constants: float,
 ) -> tuple[Tensor, Tensor, Tensor]:
+    """Outputs of ``lif_backward``, uninitialised."""
     steps, samples, neurons = spikes.shape
     currents = grad.new_empty(steps, samples, branches * neurons)
     return currents, grad.new_empty(neurons), grad.new_empty(len(offsets), neurons)
