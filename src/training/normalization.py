@@ -62,11 +62,10 @@ class Normalizer:
         self._cache()
 
     def normalize(self, observations: Tensor) -> Tensor:
-        """float32 [..., N] -> float32 [..., N]: a new tensor, or the same one where disabled. No gradient passes."""
+        """float32 [..., N] -> float32 [..., N]: a new tensor, or the same one where disabled."""
         if not self.enabled:
             return observations
-        with torch.no_grad():
-            return torch.sub(observations, self._mean32).mul_(self._scale32).clamp_(-self.clip, self.clip)
+        return torch.sub(observations, self._mean32).mul_(self._scale32).clamp_(-self.clip, self.clip)
 
     def state_dict(self) -> dict[str, Any]:
         """Exact: tensors and an integer."""

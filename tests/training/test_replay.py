@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -113,11 +114,11 @@ def test_the_file_grows_in_chunks_and_keeps_what_it_held(tmp_path: Path) -> None
     sizes = []
     for start in range(0, rows, 10_000):
         buffer.extend(block(start, 10_000, n, m))
-        sizes.append((tmp_path / "replay.bin").stat().st_size)
+        stored = (tmp_path / "replay.bin").stat()
+        assert stored.st_blocks * 512 >= stored.st_size, "the file is sparse: a full disk would kill the process"
+        sizes.append(stored.st_size)
     row = 4 * (2 * n + m + 2)
     assert sizes[-1] == rows * row and sizes[0] < rows * row / 2 and len(set(sizes)) > 2
-    stored = (tmp_path / "replay.bin").stat()
-    assert stored.st_blocks * 512 >= stored.st_size, "the file is sparse: a full disk would kill the process"
     found = sample_minibatches(buffer, 10, 100)
     expected = (found.reward / 2)[..., None] + torch.arange(n) / 1000
     assert torch.equal(found.observation, expected) and torch.equal(found.next_observation, expected + 0.5)
@@ -185,33 +186,49 @@ def test_flush_takes_any_range(tmp_path: Path) -> None:
         buffer.flush(start, stop)
 
 
-_LIMITED = """
+_FILL = """
 import resource, sys
 from pathlib import Path
 import torch
 from src.training.replay import make_replay, sample_minibatches
 from tests.training.test_replay import block
-resource.setrlimit(resource.RLIMIT_FSIZE, (60 * 2**20, 60 * 2**20))
+limit = int(sys.argv[2])
+if limit:
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
 buffer = make_replay(Path(sys.argv[1]), 200_000, 111, 8, 200_000, torch.Generator())
 try:
     while True:
         buffer.extend(block(buffer.length, 1000, 111, 8))
 except OSError as error:
     print(error)
-assert 30_000 < buffer.length < 70_000, buffer.length
-sample_minibatches(buffer, 50, 100)
+assert buffer.length >= 30_000, buffer.length
+found = sample_minibatches(buffer, 50, 100)
+assert torch.equal(found.observation[..., 0], found.reward / 2)
 buffer.flush(0, buffer.length)
-print(buffer.length)
+assert Path(sys.argv[1]).stat().st_size >= buffer.length * 4 * 232
 """
 
 
-def test_no_space_is_an_error_with_a_reason_not_a_death(tmp_path: Path) -> None:
+def assert_a_reason_not_a_death(result: subprocess.CompletedProcess[str], reason: str) -> None:
     """A sparse memory map would be killed by SIGBUS; what was stored before stays readable."""
-    path = tmp_path / "replay.bin"
-    result = subprocess.run(
-        [sys.executable, "-c", _LIMITED, str(path)], capture_output=True, text=True, cwd=ROOT, timeout=120
-    )
     assert result.returncode == 0, result.stderr
-    reason, length = result.stdout.splitlines()
-    assert "no space for the replay to grow" in reason and "File too large" in reason and "replay.bin" in reason
-    assert path.stat().st_size // (4 * 232) == int(length) or path.stat().st_size >= int(length) * 4 * 232
+    assert "no space for the replay to grow" in result.stdout and "replay.bin" in result.stdout
+    assert reason in result.stdout
+
+
+def test_a_file_size_limit_is_an_error_with_a_reason(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", _FILL, str(tmp_path / "replay.bin"), str(60 * 2**20)]
+    result = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=120)
+    assert_a_reason_not_a_death(result, "File too large")
+
+
+def test_a_full_disk_is_an_error_with_a_reason(tmp_path: Path) -> None:
+    """A real one: a small tmpfs in a mount namespace of its own, gone when the process is."""
+    own_mounts = ["unshare", "--mount", "--map-root-user"]
+    mount = 'mount -t tmpfs -o size=60m none "$1"'
+    if shutil.which("unshare") is None or subprocess.run([*own_mounts, "sh", "-c", mount, "_", tmp_path]).returncode:
+        pytest.skip("no mount namespaces here")
+    fill = [sys.executable, "-c", _FILL, str(tmp_path / "replay.bin"), "0"]
+    command = [*own_mounts, "sh", "-c", mount + ' && shift && exec "$@"', "_", str(tmp_path), *fill]
+    result = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=120)
+    assert_a_reason_not_a_death(result, "No space left on device")
