@@ -11,6 +11,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from src.config import ConfigurationError
 
+_FLAGS = ("-m", "--multirun", "-r", "--run", "-h", "--help", "--resolve")  # those that take no value
 _NOT_A_NAME = "Config group override must be a string"
 
 
@@ -28,9 +29,9 @@ def mistakes_before_hydra(arguments: Sequence[str]) -> str | None:
         return "sweeps: one sweep file per command; run them one after the other."
     if any(f.startswith("+") for f in files):
         return f"{files[0]}: write it without the plus."
-    for argument in arguments:
-        if argument.startswith(("-", "~")):
-            continue
+    for before, argument in zip(("", *arguments), arguments):
+        if argument.startswith(("-", "~")) or (before.startswith("-") and before not in _FLAGS):
+            continue  # an option or its value, a deletion: Hydra's to judge
         key, equals, value = argument.partition("=")
         if not key or not equals:
             return f"{argument}: should be key=value."

@@ -1,0 +1,232 @@
+"""If these fail, the same command again does the wrong thing: trains twice, mixes configurations, or leaves work."""
+
+import dataclasses
+import json
+import multiprocessing
+import os
+import time
+
+import pytest
+
+from src.config import ConfigurationError
+from src.experiment import lock
+from src.experiment.claim import BusyError, claim
+from src.experiment.decision import Action, decide
+from src.experiment.manifest import Failure
+from src.experiment.plan import make_plan
+from tests.experiment.cells import cell, smoke
+
+
+def ended(results, *overrides, **changes):
+    """A run directory as a run has left it."""
+    config = smoke(results, *overrides)
+    with claim(config) as (run, _):
+        run.update_manifest(**{"status": "complete", "step": 2000, **changes})
+    return config, run
+
+
+def test_nothing_there_is_run(tmp_path):
+    assert decide(smoke(tmp_path)).action is Action.RUN
+
+
+@pytest.mark.parametrize(
+    ("changes", "action"),
+    [
+        ({}, Action.SKIP),
+        ({"status": "interrupted", "step": 1000}, Action.RESUME),
+        ({"status": "running", "step": 1000}, Action.RESUME),  # its process is dead: the lock is free
+        ({"status": "failed", "step": 500, "failure": Failure("OSError", "disk", 500)}, Action.RETRY),
+        ({"status": "diverged", "step": 500, "failure": Failure("diverged", "nan", 500)}, Action.DIVERGED),
+    ],
+)
+def test_the_same_configuration_again(tmp_path, changes, action):
+    config, _ = ended(tmp_path, **changes)
+    assert decide(config).action is action
+
+
+def test_a_larger_total_extends_and_a_smaller_one_is_refused(tmp_path):
+    ended(tmp_path)
+    assert decide(smoke(tmp_path, "protocol.total_steps=4000")).action is Action.EXTEND
+    smaller = decide(smoke(tmp_path, "protocol.total_steps=1000"))
+    assert smaller.action is Action.CONFLICT and "1000 is smaller than the 2000 steps" in smaller.reason
+
+
+def test_another_configuration_is_refused_with_the_keys(tmp_path):
+    ended(tmp_path)
+    other = smoke(tmp_path, "normalize_observations=false", "threads=2")
+    with pytest.raises(ConfigurationError) as refused:
+        make_plan([other])
+    said = str(refused.value)
+    assert "td3/hopper/bptsan/poisson/seed_0" in said
+    assert "normalize_observations: True -> False" in said and "threads: 1 -> 2" in said
+    assert all(way in said for way in ("study=", "label=", "on_conflict=replace"))
+    assert "total_steps" not in said
+
+
+def test_another_engine_is_refused_and_named(tmp_path, monkeypatch):
+    config, _ = ended(tmp_path)
+    monkeypatch.setattr("src.experiment.hashing.ENGINE", 99)
+    monkeypatch.setattr("src.experiment.decision.ENGINE", 99)
+    decision = decide(config)
+    assert decision.action is Action.CONFLICT and "engine: 1 -> 99" in decision.reason
+
+
+def test_replace_deletes_the_old_run_only_when_the_job_starts(tmp_path):
+    _, run = ended(tmp_path)
+    run.evaluations.append(0, [(1.0, 5)])
+    (run.state / "checkpoint").write_text("old")
+    (run.state / "tensorboard").mkdir()
+    other = smoke(tmp_path, "normalize_observations=false", "on_conflict=replace")
+    plan = make_plan([other])
+    assert plan.cells[0].decision.action is Action.REPLACE
+    assert (run.path / "evaluations.csv").exists()
+    with claim(other) as (again, decision):
+        assert decision.action is Action.REPLACE
+        assert again.read_manifest().status == "running"
+    assert sorted(each.name for each in run.path.iterdir()) == ["config.yaml", "manifest.json", "state"]
+    assert {each.name for each in run.state.iterdir()} <= {"lock", "owner", "log.txt"}
+    assert again.read_config()["normalize_observations"] is False
+
+
+def test_on_conflict_replace_leaves_a_run_of_the_same_configuration_alone(tmp_path):
+    ended(tmp_path)
+    assert decide(smoke(tmp_path, "on_conflict=replace")).action is Action.SKIP
+
+
+def test_the_config_is_written_once(tmp_path):
+    config, run = ended(tmp_path, status="interrupted", step=500)
+    before = (run.path / "config.yaml").stat()
+    with claim(dataclasses.replace(config, keep_replay=True)) as (_, decision):
+        assert decision.action is Action.RESUME
+    after = (run.path / "config.yaml").stat()
+    assert (before.st_mtime_ns, before.st_ino) == (after.st_mtime_ns, after.st_ino)
+
+
+def test_the_config_on_disk_is_a_valid_configuration_again(tmp_path):
+    from src.config import validate
+    from src.experiment.hashing import configuration_hash
+
+    config, run = ended(tmp_path)
+    assert configuration_hash(validate(run.read_config())) == run.manifest.configuration_hash
+    assert run.read_config()["results_dir"] == "results"
+
+
+def test_a_resume_counts_keeps_what_was_and_notes_what_differs(tmp_path):
+    config, run = ended(tmp_path, status="interrupted", step=500, wall_time_seconds=12.5, observation_size=11)
+    started = run.manifest.started
+    run.update_manifest(processor="Another 9000", versions={**run.manifest.versions, "torch": "1.0"})
+    with claim(config) as (again, _):
+        manifest = again.manifest
+    assert (manifest.times_resumed, manifest.wall_time_seconds, manifest.observation_size) == (1, 12.5, 11)
+    assert (manifest.started, manifest.step, manifest.status) == (started, 500, "running")
+    assert any("Another 9000 ->" in note for note in manifest.notes)
+    assert any("torch 1.0 ->" in note for note in manifest.notes)
+    assert "Another 9000" in (run.state / "log.txt").read_text()
+
+
+def test_two_cells_in_one_directory_are_refused():
+    cells = [cell("normalization_clip=1.0"), cell("normalization_clip=2.0")]
+    with pytest.raises(ConfigurationError, match="differ in normalization_clip"):
+        make_plan(cells)
+    with pytest.raises(ConfigurationError, match="twice"):
+        make_plan([cell(), cell()])
+
+
+def hold(config, ready, release):
+    with claim(config):
+        ready.set()
+        release.wait(30)
+
+
+def test_a_live_process_is_busy_and_a_killed_one_never_blocks(tmp_path):
+    config = smoke(tmp_path)
+    context = multiprocessing.get_context("fork")
+    ready, release = context.Event(), context.Event()
+    holder = context.Process(target=hold, args=(config, ready, release))
+    holder.start()
+    try:
+        assert ready.wait(20)
+        assert decide(config).action is Action.BUSY
+        with pytest.raises(BusyError, match="held by a live process"), claim(config):
+            pass
+    finally:
+        holder.kill()
+        holder.join()
+    assert decide(config).action is Action.RESUME
+    with claim(config) as (_, decision):
+        assert decision.action is Action.RESUME
+
+
+def test_a_look_at_the_lock_does_not_make_a_claim_fail(tmp_path):
+    """A plan beside a starting job holds the lock for an instant: the job must wait, not give up."""
+    config, run = ended(tmp_path, status="interrupted", step=500)
+    context = multiprocessing.get_context("fork")
+
+    def let_go(released):
+        with lock.lock_of(run.path):
+            released.set()
+            time.sleep(0.5)
+
+    released = context.Event()
+    other = context.Process(target=let_go, args=(released,))
+    other.start()
+    assert released.wait(20)
+    with claim(config) as (_, decision):
+        assert decision.action is Action.RESUME
+    other.join()
+
+
+def elsewhere(run, monkeypatch):
+    """As if the run had been claimed under another boot than ours."""
+    (run.state / "owner").write_text("another boot")
+    assert lock.boot_token() != "another boot"
+
+
+def test_a_fresh_sign_of_life_from_another_machine_is_busy(tmp_path, monkeypatch):
+    config, run = ended(tmp_path, status="running", step=500)
+    elsewhere(run, monkeypatch)
+    assert decide(config).action is Action.BUSY
+    monkeypatch.setattr(lock, "FRESH_SECONDS", 0.0)
+    assert decide(config).action is Action.RESUME
+
+
+def test_a_requeued_job_waits_until_the_other_machine_is_silent(tmp_path, monkeypatch):
+    _, run = ended(tmp_path, status="running", step=500)
+    elsewhere(run, monkeypatch)
+    slept = []
+
+    def silent(seconds):
+        slept.append(seconds)
+        monkeypatch.setattr(lock, "FRESH_SECONDS", 0.0)
+
+    assert lock.wait_for_silence(run.path, silent) and len(slept) == 1
+
+
+def test_a_requeued_job_leaves_a_run_whose_sign_of_life_moves(tmp_path, monkeypatch):
+    _, run = ended(tmp_path, status="running", step=500)
+    elsewhere(run, monkeypatch)
+
+    def beat(_):
+        path = run.path / "manifest.json"
+        content = json.loads(path.read_text())
+        content["updated"] = "2999-01-01T00:00:00Z"
+        path.write_text(json.dumps(content))
+
+    assert not lock.wait_for_silence(run.path, beat)
+
+
+def test_a_broken_manifest_is_refused_not_overwritten(tmp_path):
+    config, run = ended(tmp_path)
+    (run.path / "manifest.json").write_text("{")
+    with pytest.raises(ConfigurationError, match="can't be read"):
+        make_plan([config])
+    assert decide(dataclasses.replace(config, on_conflict="replace")).action is Action.REPLACE
+
+
+def test_the_owner_names_no_machine(tmp_path):
+    import socket
+
+    _, run = ended(tmp_path)
+    token = (run.state / "owner").read_text()
+    assert len(token) == 16 and socket.gethostname() not in token
+    assert os.path.exists("/proc/sys/kernel/random/boot_id")

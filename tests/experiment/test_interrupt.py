@@ -1,0 +1,129 @@
+"""Ctrl-C, SIGTERM, a killed launcher, two launchers: nothing is orphaned, nothing runs twice, the next command goes on."""
+
+import os
+import signal
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.experiment.command import Done, calls, manifest, run, run_path, start
+
+GRID = ("-m", "protocol=smoke", "seed=range(3)", "hydra.launcher.n_jobs=2")
+
+
+def wait_for(condition, seconds=30):
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.05)
+
+
+def pids(results, seeds):
+    return [int(calls(results, seed)[-1].split()[0]) for seed in seeds]
+
+
+def begun(results, *seeds):
+    return lambda: all((run_path(results, seed) / "state" / "checkpoint").exists() for seed in seeds)
+
+
+def alive(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_one_signal_takes_a_checkpoint_and_the_same_command_goes_on(tmp_path, number):
+    sweep = start(tmp_path, *GRID, sleep=0.3)
+    wait_for(begun(tmp_path, 0, 1))
+    jobs = pids(tmp_path, (0, 1))
+    sweep.send_signal(number)
+    done = Done(sweep)
+    assert done.code == 75, done
+    assert not any(alive(pid) for pid in jobs)
+    assert [manifest(tmp_path, seed)["status"] for seed in (0, 1)] == ["interrupted"] * 2
+    assert not run_path(tmp_path, 2).exists()
+    again = run(tmp_path, *GRID)
+    assert again.code == 0, again
+    assert "resume" in again.out
+    assert not calls(tmp_path, 0)[-1].endswith("from 0")
+    assert manifest(tmp_path, 0)["times_resumed"] == 1
+
+
+def test_a_second_ctrl_c_kills_jobs_that_do_not_stop(tmp_path):
+    sweep = start(tmp_path, *GRID, **{"0": "hang", "1": "hang"})
+    wait_for(begun(tmp_path, 0, 1))
+    jobs = pids(tmp_path, (0, 1))
+    sweep.send_signal(signal.SIGINT)
+    time.sleep(0.5)
+    assert all(alive(pid) for pid in jobs), "the first Ctrl-C gives them time"
+    sweep.send_signal(signal.SIGINT)
+    done = Done(sweep, timeout=15)
+    assert done.code == 75 or done.code == 1, done
+    assert not any(alive(pid) for pid in jobs)
+
+
+def test_a_killed_launcher_leaves_no_orphan(tmp_path):
+    sweep = start(tmp_path, *GRID, sleep=0.3)
+    wait_for(begun(tmp_path, 0, 1))
+    jobs = pids(tmp_path, (0, 1))
+    sweep.kill()
+    sweep.communicate()
+    wait_for(lambda: not any(alive(pid) for pid in jobs), 10)
+    assert manifest(tmp_path, 0)["status"] == "interrupted"
+
+
+def test_two_launchers_at_once_run_no_cell_twice(tmp_path):
+    grid = ("-m", "protocol=smoke", "seed=range(5)", "hydra.launcher.n_jobs=2")
+    both = [start(tmp_path, *grid, sleep=0.1) for _ in range(2)]
+    done = [Done(each) for each in both]
+    assert all(each.code in (0, 75) for each in done), done
+    for seed in range(5):
+        assert len(calls(tmp_path, seed)) == 1, "trained twice"
+        assert manifest(tmp_path, seed)["status"] == "complete"
+    assert run(tmp_path, *grid).out.startswith("5 cells in ")
+
+
+def test_a_single_run_is_interrupted_resumes_and_is_skipped(tmp_path):
+    single = start(tmp_path, "protocol=smoke", sleep=0.3)
+    wait_for(begun(tmp_path, 0))
+    os.kill(single.pid, signal.SIGINT)
+    done = Done(single)
+    assert done.code == 75 and "the same command again" in done.out, done
+    assert manifest(tmp_path)["status"] == "interrupted"
+    again = run(tmp_path, "protocol=smoke")
+    assert again.code == 0 and "resume" in again.out, again
+    third = run(tmp_path, "protocol=smoke")
+    assert third.code == 0 and "0 to do, 1 done" in third.out and len(calls(tmp_path)) == 2, third
+    longer = run(tmp_path, "protocol=smoke", "protocol.total_steps=3000")
+    assert longer.code == 0 and manifest(tmp_path)["step"] == 3000, longer
+
+
+def test_a_second_ctrl_c_ends_a_single_run_at_once(tmp_path):
+    single = start(tmp_path, "protocol=smoke", **{"0": "hang"})
+    wait_for(begun(tmp_path, 0))
+    for _ in range(2):
+        os.kill(single.pid, signal.SIGINT)
+        time.sleep(0.4)
+    done = Done(single, timeout=15)
+    assert done.code == 130, done
+    assert manifest(tmp_path)["status"] == "interrupted"
+
+
+def test_a_failing_single_run_is_one_line_and_exit_1(tmp_path):
+    done = run(tmp_path, "protocol=smoke", **{"0": "raise"})
+    assert done.code == 1, done
+    assert "RuntimeError: boom" in done.err and "failure.txt" in done.err and "Traceback" not in done.err, done
+
+
+@pytest.mark.parametrize("launcher", ["basic"])
+def test_hydras_own_launcher_keeps_the_rules(tmp_path, launcher):
+    grid = ("-m", f"hydra/launcher={launcher}", "protocol=smoke", "seed=range(3)")
+    done = run(tmp_path, *grid, **{"1": "raise"})
+    assert done.code == 1 and "1 failed" in done.out, done
+    assert [manifest(tmp_path, seed)["status"] for seed in range(3)] == ["complete", "failed", "complete"]
+    again = run(tmp_path, *grid)
+    assert again.code == 0 and "1 to do, 2 done" in again.out, again
+    assert len(calls(tmp_path, 0)) == 1

@@ -1,0 +1,106 @@
+"""One job's end, whatever it is, takes no other job with it, and manifest, table and exit code agree."""
+
+import re
+
+import pytest
+
+from tests.experiment.command import calls, manifest, run, run_path
+
+
+@pytest.fixture(scope="module")
+def sweep(tmp_path_factory):
+    """One grid in which nearly everything goes wrong, and the same command again when nothing does."""
+    results = tmp_path_factory.mktemp("results")
+    grid = ("-m", "protocol=smoke", "seed=range(7)", "hydra.launcher.n_jobs=4")
+    wrong = {"1": "raise", "2": "exit", "3": "kill", "4": "diverge", "5": "enospc", "6": "hang in native code"}
+    first = run(results, *grid, "hydra.launcher.hang_minutes=0.05", **wrong)
+    before = {seed: manifest(results, seed) for seed in range(7)}
+    files = {seed: (run_path(results, seed) / "failure.txt").exists() for seed in range(7)}
+    return results, first, before, files, run(results, *grid)
+
+
+def test_the_others_go_on(sweep):
+    _, first, before, _, _ = sweep
+    assert before[0]["status"] == "complete"
+    assert first.code == 1, first
+
+
+@pytest.mark.parametrize(
+    ("seed", "status", "kind", "message"),
+    [
+        (1, "failed", "RuntimeError", "boom"),
+        (2, "failed", "SystemExit", r"sys\.exit\(3\)"),
+        (3, "failed", "killed by SIGKILL", "out of memory"),
+        (4, "diverged", "diverged", "not finite at step 500"),
+        (5, "failed", "OSError", "the disk is full"),
+        (6, "failed", "hung", "no sign of life"),
+    ],
+)
+def test_each_end_is_recorded_and_told(sweep, seed, status, kind, message):
+    _, first, before, _, _ = sweep
+    assert before[seed]["status"] == status
+    assert before[seed]["failure"]["kind"].startswith(kind)
+    assert re.search(message, before[seed]["failure"]["message"])
+    table = first.out[first.out.index("finished:") :]
+    assert re.search(rf"seed_{seed} +{status} +.*{message}", table), first
+
+
+def test_the_traceback_is_where_the_table_says(sweep):
+    results, first, _, files, _ = sweep
+    assert files == {0: False, 1: True, 2: True, 3: False, 4: False, 5: True, 6: False}
+    assert str(run_path(results, 1) / "failure.txt") in first.out
+    assert 'raise RuntimeError("boom' in (run_path(results, 1) / "state" / "log.txt").read_text()
+
+
+def test_earlier_evaluations_are_intact(sweep):
+    results, *_ = sweep
+    for seed in (0, 1, 2, 3, 5, 6):
+        steps = [line.split(",")[0] for line in (run_path(results, seed) / "evaluations.csv").read_text().splitlines()]
+        assert steps[:2] == ["step", "0"]
+        assert steps[2:] == [str(500 * k) for k in (1, 2, 3, 4) for _ in range(2)]
+
+
+def test_the_same_command_again_finishes_the_grid(sweep):
+    results, _, _, _, again = sweep
+    assert again.code == 0, again
+    assert "5 to do, 2 done" in again.out
+    for seed in (0, 1, 2, 3, 5, 6):
+        assert manifest(results, seed)["status"] == "complete"
+        assert not (run_path(results, seed) / "failure.txt").exists()
+    assert manifest(results, 4)["status"] == "diverged"
+    assert len(calls(results, 0)) == 1 and len(calls(results, 4)) == 1
+    assert manifest(results, 1)["times_resumed"] == 1
+
+
+def test_progress_is_one_line_per_cell(sweep):
+    _, _, _, _, again = sweep
+    assert re.search(
+        r"^\[\d/5\] td3/hopper/bptsan/poisson/seed_1 complete \d+ s return 333\.8$", again.out, re.MULTILINE
+    )
+
+
+def test_a_grid_without_torch_and_with_another_working_directory(tmp_path):
+    """The stub forbids torch; a relative results_dir lies in the repository, so an absolute one is used here."""
+    from tests.experiment.command import ROOT, Done, start
+
+    done = Done(start(tmp_path / "r", "sweeps=demo", "env=hopper", "seed=0", "actor=aan", cwd=ROOT.parent))
+    assert done.code == 0, done
+    assert manifest(tmp_path / "r", 0, study="demo", label="aan", encoder="none")["status"] == "complete"
+
+
+def test_a_kill_before_the_run_has_begun_is_recorded_too(tmp_path, monkeypatch):
+    """An import that is killed leaves no manifest: the launcher writes it."""
+    from src.experiment.plan import make_plan
+    from src.experiment.pool import record_death
+    from tests.experiment.cells import smoke
+
+    cell = make_plan([smoke(tmp_path)]).cells[0]
+    cell.run.state.mkdir(parents=True)
+    record_death(cell, "killed by SIGKILL (out of memory?)")
+    assert manifest(tmp_path)["status"] == "failed"
+
+
+def test_threads_are_set_in_the_environment_of_the_job():
+    from src.experiment.threads import environment
+
+    assert environment(3)["OMP_NUM_THREADS"] == "3"
