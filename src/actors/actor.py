@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import torch
 from torch import Tensor, nn
 
@@ -35,6 +38,11 @@ class Actor(nn.Module):
 
     def project(self) -> None:
         """Bring the parameters back into their range; called after each optimizer step."""
+
+    @contextmanager
+    def fixed_weights(self) -> Iterator[None]:
+        """Within, no parameter changes (collecting, evaluating): what is derived from them may be computed once."""
+        yield
 
     def connection_count(self) -> int:
         """Learnable numbers; of a dendritic layer each unmasked synapse once."""

@@ -7,6 +7,8 @@ Without dendrites (``branches=1``) and lateral interaction (``radius=0``) BPT-SA
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from itertools import pairwise
 from typing import cast
@@ -117,3 +119,14 @@ class SpikingActor(Actor):
     def project(self) -> None:
         """Keep the encoder's sigma at or above its floor."""
         self.encoder.project()
+
+    @contextmanager
+    def fixed_weights(self) -> Iterator[None]:
+        """Within, the branch weights of the dendrites are expanded once."""
+        for layer in self.spiking_layers():
+            layer.synapse.fix()
+        try:
+            yield
+        finally:
+            for layer in self.spiking_layers():
+                layer.synapse.release()

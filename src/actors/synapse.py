@@ -54,21 +54,30 @@ class Synapse(nn.Module):
         self.bias = initialiser.uniform("bias", bias_shape, bound)
         branch = dendritic_partition(partition_seed, neurons, inputs, self.branches) if self.branches > 1 else None
         self.register_buffer("branch", branch, persistent=False)
-        self._cached: tuple[tuple[int, int], Tensor] | None = None
+        self._fixed = False
+        self._kept: Tensor | None = None
 
     def branch_weights(self) -> Tensor:
         """Weights of each branch, ``[d*n, inputs]``, branch by branch, 0 where the synapse lies on another one.
 
-        Without gradient they are kept until the weight changes: acting expands them once, not at every step.
+        Between :meth:`fix` and :meth:`release` they are expanded once. (A version counter of the weight can't tell
+        when to expand anew: the fused optimizers do not raise it.)
         """
         if self.branch is None:
             return self.weight
-        if torch.is_grad_enabled() and self.weight.requires_grad:
+        if not self._fixed or (torch.is_grad_enabled() and self.weight.requires_grad):
             return BranchWeights.apply(self.weight, self.branch, self.branches)  # type: ignore[no-untyped-call]
-        key = (self.weight._version, self.weight.data_ptr())
-        if self._cached is None or self._cached[0] != key:
-            self._cached = (key, BranchWeights.apply(self.weight, self.branch, self.branches))  # type: ignore[no-untyped-call]
-        return self._cached[1]
+        if self._kept is None:
+            self._kept = BranchWeights.apply(self.weight, self.branch, self.branches)  # type: ignore[no-untyped-call]
+        return self._kept
+
+    def fix(self) -> None:
+        """The weights will not change until :meth:`release`."""
+        self._fixed, self._kept = True, None
+
+    def release(self) -> None:
+        """The weights may change again."""
+        self._fixed, self._kept = False, None
 
     @property
     def branch_bias(self) -> Tensor | None:
@@ -89,7 +98,7 @@ class Synapse(nn.Module):
         return EncodedCurrents.apply(strength, spikes, self.branch_weights(), self.branch_bias, coding_gradient)  # type: ignore[no-untyped-call]
 
     def __getstate__(self) -> dict[str, Any]:
-        return self.__dict__ | {"_cached": None}
+        return self.__dict__ | {"_fixed": False, "_kept": None}
 
 
 class EncodedCurrents(torch.autograd.Function):

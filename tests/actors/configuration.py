@@ -12,10 +12,12 @@ from src.config import ExperimentConfig, validate
 CONF = Path(__file__).parents[2] / "conf"
 
 
-def configuration(actor: str = "bptsan", encoder: str = "deterministic", **overrides: Any) -> ExperimentConfig:
+def configuration(
+    actor: str | dict[str, Any] = "bptsan", encoder: str = "deterministic", **overrides: Any
+) -> ExperimentConfig:
     """An experiment on Hopper; overrides are dotted keys with ``__`` for the dot, e.g. ``actor__time_steps=1``."""
     composed: dict[str, Any] = {
-        "actor": _load("actor", actor),
+        "actor": actor if isinstance(actor, dict) else _load("actor", actor),
         "encoder": _load("encoder", encoder),
         "env": _load("env", "hopper"),
         "algo": _load("algo", "td3"),
