@@ -4,19 +4,17 @@ One sample after the other runs through all T steps, so that its state (a few ro
 Each equation is one pass over a row, small enough for LLVM to check that its arrays do not overlap and then to use
 SIMD: beyond eight pairs of arrays it gives up and computes one number at a time. Every operation is in the order of
 the reference and none is fused or reassociated (no ``fastmath``), so values are equal bit for bit.
-
-Each kernel is compiled for one signature, on first use, and cached on disk; where no cache can be written, it is
-compiled again by each process.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numba import float32, int8, int64, njit, void
+
+from src.actors.kernels import compiled
 
 ZERO, ONE = np.float32(0), np.float32(1)
 
@@ -211,15 +209,6 @@ _PASSES = (
 )  # fmt: skip
 for _function in _PASSES:
     globals()[_function.__name__] = njit(_function)
-
-
-def compiled(function: Callable[..., None], signature: Any) -> Callable[..., None]:
-    """Compile for one signature; cached on disk where that is possible."""
-    options: dict[str, Any] = {"nogil": True, "boundscheck": False, "error_model": "numpy"}
-    try:
-        return njit(signature, cache=True, **options)(function)
-    except Exception:  # no writable cache, a full disk, a broken cache file: compile without one
-        return njit(signature, **options)(function)
 
 
 @cache

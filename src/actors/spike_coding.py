@@ -15,8 +15,12 @@ from __future__ import annotations
 
 from typing import Literal
 
+import numpy as np
 import torch
 from torch import Tensor
+
+from src.actors.coding_kernel import deterministic_kernel
+from src.actors.kernels import takes_kernel
 
 Coding = Literal["poisson", "deterministic"]
 
@@ -56,6 +60,10 @@ def poisson_draws(strength: Tensor, time_steps: int, generator: torch.Generator 
 def deterministic_spikes(strength: Tensor, time_steps: int, threshold: float) -> Tensor:
     """Deterministic spike trains ``[T, B, n]`` of a strength ``[B, n]``, without gradient."""
     spikes = strength.new_empty((time_steps, *strength.shape))
+    if takes_kernel(strength):
+        train = spikes.view(time_steps, -1).numpy()
+        deterministic_kernel()(strength.contiguous().view(-1).numpy(), np.float32(threshold), train)
+        return spikes
     voltage = torch.zeros_like(strength)
     for step in range(time_steps):
         voltage = voltage + strength

@@ -12,7 +12,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from src.actors import lif_kernel
+from src.actors import kernels, lif_kernel
 from src.actors.lateral import neighbour_offsets
 from src.actors.lif import LIFConstants, lif_reference, maxout
 from src.actors.lif_op import lif
@@ -232,7 +232,7 @@ def test_machine_without_a_writable_cache(monkeypatch):
             row[j] = 2 * row[j]
 
     row = np.ones(3, np.float32)
-    lif_kernel.compiled(double, lif_kernel.void(lif_kernel._ROW))(row)
+    kernels.compiled(double, lif_kernel.void(lif_kernel._ROW))(row)
     assert row.tolist() == [2, 2, 2]
 
 
@@ -240,7 +240,7 @@ def test_kernels_are_cached_on_disk(tmp_path):
     """A second process loads what the first compiled (a small function: the real kernels take seconds)."""
     script = tmp_path / "cached.py"
     script.write_text(
-        "import numpy as np\nfrom src.actors.lif_kernel import _ROW, compiled, void\n"
+        "import numpy as np\nfrom src.actors.lif_kernel import _ROW, void\nfrom src.actors.kernels import compiled\n"
         "def double(row):\n    for j in range(row.shape[0]):\n        row[j] = 2 * row[j]\n"
         "kernel = compiled(double, void(_ROW))\nprint(sum(kernel.stats.cache_hits.values()))\n"
     )

@@ -1,0 +1,33 @@
+"""Compiling Numba kernels: one signature each, on first use, cached on disk where that is possible.
+
+Numba watches only the source file of the function it compiles: what a kernel calls must stand in the kernel's file,
+or an old cache would outlive a change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import torch
+from numba import njit
+
+
+def compiled(function: Callable[..., None], signature: Any) -> Callable[..., None]:
+    """Compile for one signature, releasing the interpreter's lock, without fastmath.
+
+    Where no cache can be written (or a full disk or a broken file spoils it), each process compiles anew.
+    """
+    options: dict[str, Any] = {"nogil": True, "boundscheck": False, "error_model": "numpy"}
+    try:
+        return njit(signature, cache=True, **options)(function)
+    except Exception:  # whatever the cache's trouble is; a mistake in the function raises again below
+        return njit(signature, **options)(function)
+
+
+def takes_kernel(tensor: torch.Tensor) -> bool:
+    """Kernels serve plain float32 tensors on the CPU; others, tracing among them, take PyTorch's own operators."""
+    return tensor.device.type == "cpu" and tensor.dtype == torch.float32 and type(tensor) in _PLAIN
+
+
+_PLAIN = (torch.Tensor, torch.nn.Parameter)
