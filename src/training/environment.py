@@ -58,6 +58,7 @@ class TrainingEnvironment(EnvBase):
         super().__init__(device=_CPU, batch_size=_NO_BATCH)
         self.config = config
         self._gym = make_gym(config)
+        self.is_closed = False
         from src.training import simulator_state  # after make_gym, which says clearly when MuJoCo is missing
 
         if not simulator_state.is_mujoco(self._gym):

@@ -3,5 +3,5 @@
 from __future__ import annotations
 
 
-class CorruptState(RuntimeError):  # noqa: N818
+class CorruptState(RuntimeError):
     """Saved state (a checkpoint, the replay) that is missing, cut short or does not fit the run."""

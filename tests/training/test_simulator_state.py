@@ -122,6 +122,29 @@ def test_saving_changes_nothing() -> None:
         assert_same(expected, transitions(next(collector)))
 
 
+@pytest.mark.parametrize("name", ["halfcheetah", "ant"])
+def test_a_save_where_an_episode_has_just_ended(name: str) -> None:
+    """The collector has then already begun the next one: its first observation is what must come back."""
+    config = task(name, max_episode_steps=25)  # ends with every batch
+    runs = []
+    for stop in (False, True):
+        environment = TrainingEnvironment(config, seed=3)
+        generator = torch.Generator().manual_seed(0)
+        policy = random_policy(environment.action_size, generator)
+        batches, collector = [], iter(make_collector(environment, policy, 25))
+        for _ in range(4):
+            batches.append(transitions(next(collector)))
+            if stop:
+                state = through_a_file(environment.save_state())
+                environment = TrainingEnvironment(config)
+                environment.restore_on_next_reset(state)
+                collector = iter(make_collector(environment, policy, 25))
+        runs.append(batches)
+    assert all(len(batch.finished) == 1 for batch in runs[0])
+    for expected, found in zip(*runs, strict=True):
+        assert_same(expected, found)
+
+
 _CONTINUE = """
 import sys, torch
 from tests.training.test_simulator_state import resume
