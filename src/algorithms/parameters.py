@@ -9,8 +9,7 @@ from torch import Tensor, nn
 
 
 class FlatParameters:
-    """Re-points the parameters of ``modules`` to views of one flat tensor, the modules keep working as before.
-    """
+    """Re-points the parameters of ``modules`` to views of one flat tensor, the modules keep working as before."""
 
     def __init__(self, modules: Sequence[nn.Module]) -> None:
         self.parameters = [p for module in modules for p in module.parameters() if p.requires_grad]

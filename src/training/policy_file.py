@@ -14,13 +14,13 @@ from src.algorithms.policy import DeterministicPolicy
 from src.config import ExperimentConfig, to_dict, validate
 from src.streams import Streams
 from src.training.checkpoint import read_archive, write_archive
-from src.training.normalization import ObservationNormalizer
+from src.training.normalization import Normalizer
 
 POLICY_FILE = "policy.pt"
 
 
 def save_policy(
-    path: Path, config: ExperimentConfig, learner: Learner, normalizer: ObservationNormalizer, sizes: tuple[int, int]
+    path: Path, config: ExperimentConfig, learner: Learner, normalizer: Normalizer, sizes: tuple[int, int]
 ) -> None:
     """Write the deterministic policy of a run to ``path``; ``sizes`` is (N, M)."""
     write_archive(
@@ -46,12 +46,12 @@ class TrainedPolicy:
     def __init__(self, path: Path) -> None:
         content: dict[str, Any] = read_archive(path)
         self.config = validate(content["config"])
-        actor = build_actor(
-            self.config, content["observation_size"], content["action_size"], Streams(self.config.seed)
-        )
+        actor = build_actor(self.config, content["observation_size"], content["action_size"], Streams(self.config.seed))
         actor.load_state_dict(content["actor"])
         self.policy = DeterministicPolicy(actor.eval(), content["action_limit"])
-        self.normalizer = ObservationNormalizer.of(self.config, content["observation_size"])
+        self.normalizer = Normalizer(
+            content["observation_size"], self.config.normalization_clip, self.config.normalize_observations
+        )
         self.normalizer.load_state_dict(content["normalizer"])
 
     @torch.no_grad()

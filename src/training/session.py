@@ -25,9 +25,11 @@ from src.training.collection import make_collector, transitions
 from src.training.environment import TrainingEnvironment
 from src.training.evaluation import Evaluator
 from src.training.live_curves import open_live_curves
-from src.training.normalization import ObservationNormalizer
+from src.training.normalization import Normalizer
 from src.training.policy_file import POLICY_FILE, save_policy
-from src.training.replay import REPLAY_FILE, make_replay, sample_minibatches
+from src.training.replay import make_replay, sample_minibatches
+
+REPLAY_FILE = "replay.bin"
 
 
 def train(
@@ -48,6 +50,12 @@ def train(
     return TrainingSession(config, run, progress).loop(stop_requested)
 
 
+def shrink_state(run: RunDirectory) -> None:
+    """Reduce ``state/`` of a complete run to its final policy and logs: what is left can't be extended."""
+    CheckpointFolder(run.state).clear()
+    (run.state / REPLAY_FILE).unlink(missing_ok=True)
+
+
 class TrainingSession:
     """One run in progress: its parts, where it stands, and how both are saved and restored."""
 
@@ -58,7 +66,7 @@ class TrainingSession:
         self.sizes = (self.environment.observation_size, self.environment.action_size)
         self.action_limit = self.environment.action_limit
         self.learner = build_learner(config, *self.sizes, self.action_limit, self.streams)
-        self.normalizer = ObservationNormalizer.of(config, self.sizes[0])
+        self.normalizer = Normalizer(self.sizes[0], config.normalization_clip, config.normalize_observations)
         self.random_actions = self.streams.torch("random actions")
         self.replay = make_replay(
             run.state / REPLAY_FILE,
@@ -71,6 +79,7 @@ class TrainingSession:
         self.checkpoints = CheckpointFolder(run.state)
         self.interval = IntervalMeans()
         self.interval_seconds = 0.0
+        self.flushed = 0  # transitions known to be on the disk
         self.step = 0
         self.last_return: float | None = None
         run.update_manifest(
@@ -96,16 +105,17 @@ class TrainingSession:
             batches = iter(collector)
             while self.step < p.total_steps:
                 started = time.perf_counter()
-                self._advance(next(batches))
+                with self.learner.policy.actor.fixed_weights():  # type: ignore[operator]
+                    batch = next(batches)
+                self._advance(batch)
                 self.interval_seconds += time.perf_counter() - started
                 if self.step % p.evaluation_interval == 0:
                     self._evaluate(curves)
-                if self.step % p.checkpoint_interval == 0 or self.step == p.total_steps:
-                    self.save()
-                elif stop_requested():
+                stop = stop_requested()
+                if stop or self.step % p.checkpoint_interval == 0 or self.step == p.total_steps:
                     self.save()
                 self.progress.update(self.step, self.last_return, self._steps_per_second())
-                if stop_requested() and self.step < p.total_steps:
+                if stop and self.step < p.total_steps:
                     return Outcome("interrupted", self.step, f"checkpoint written at step {self.step}")
         except Diverged as error:
             return Outcome("diverged", self.step, f"{error} at step {self.step}")
@@ -122,6 +132,11 @@ class TrainingSession:
         normalized = self.normalizer.normalize(observation).unsqueeze(0).to(self.config.device)
         return self.learner.explore(normalized)[0].cpu()
 
+    def _act_in_evaluation(self, observation: Tensor, generator: torch.Generator) -> Tensor:
+        """Actions ``[k, M]`` for raw observations ``[k, N]``."""
+        normalized = self.normalizer.normalize(observation).to(self.config.device)
+        return self.learner.act(normalized, generator).cpu()
+
     def _advance(self, batch: Any) -> None:
         """Store one collector batch, then one burst of updates."""
         p, device = self.config.protocol, self.config.device
@@ -129,7 +144,7 @@ class TrainingSession:
         self.replay.extend(collected)
         self.normalizer.update(collected.observation)
         self.step += p.update_every
-        for episode_return, _ in collected.episodes:
+        for episode_return, _ in collected.finished:
             self.interval.add({"training_return": episode_return})
         if self.step <= p.update_after:
             return
@@ -147,12 +162,8 @@ class TrainingSession:
         """Evaluate the deterministic policy, write both logs, begin a new interval."""
         started = time.perf_counter()
         self.learner.check_finite()
-        episodes = self.evaluator.evaluate(
-            lambda observation, generator: self.learner.act(
-                self.normalizer.normalize(observation).to(self.config.device), generator
-            ).cpu(),
-            self.step,
-        )
+        with self.learner.policy.actor.fixed_weights():  # type: ignore[operator]
+            episodes = self.evaluator.evaluate(self._act_in_evaluation, self.step)
         self.run.evaluations.append(self.step, episodes)
         self.last_return = sum(r for r, _ in episodes) / len(episodes)
         self.interval_seconds += time.perf_counter() - started
@@ -186,15 +197,20 @@ class TrainingSession:
     # ------------------------------------------------------------------ saved and restored
 
     def _generators(self) -> dict[str, torch.Generator]:
-        return {"random_actions": self.random_actions, "replay": self.replay.generator, **self.learner.streams._asdict()}
+        return {
+            "random_actions": self.random_actions,
+            "replay": self.replay.generator,
+            **self.learner.streams._asdict(),
+        }
 
     def save(self) -> None:
         """Write a checkpoint: everything that the rest of the run depends on."""
-        self.replay.flush()
+        self.replay.flush(self.flushed, self.replay.length)
+        self.flushed = self.replay.length
         self.checkpoints.save(
             self.step,
             {
-                "configuration_hash": self.run.read_manifest().configuration_hash,
+                "configuration_hash": self.run.manifest.configuration_hash,
                 "step": self.step,
                 "learner": self.learner.state_dict(),
                 "normalizer": self.normalizer.state_dict(),
@@ -223,6 +239,7 @@ class TrainingSession:
         for name, generator in self._generators().items():
             generator.set_state(content["generators"][name])
         self.replay.truncate(content["replay_length"])
+        self.flushed = self.replay.length
         self.environment.restore_on_next_reset(content["environment"])
         self.interval.load_state_dict(content["interval"])
         self.interval_seconds = content["interval_seconds"]

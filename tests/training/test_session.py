@@ -1,0 +1,183 @@
+"""The loop: Spinning Up's counts, exact resume, independence of the streams. If these fail, no curve can be redone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pandas as pd
+import pytest
+import torch
+
+from src.config import ExperimentConfig
+from src.experiment.claim import claim
+from src.experiment.outcome import Outcome
+from src.experiment.run_directory import RunDirectory
+from src.training.checkpoint import CheckpointFolder, CorruptCheckpoint, read_archive
+from src.training.session import TrainingSession
+from tests.helpers import Silent, tiny
+
+CASES = [
+    ("td3", "bptsan", "poisson", "hopper"),
+    ("td3", "bptsan_wo_ndt", "deterministic", "ant"),
+    ("sac", "aan", "task", "hopper"),
+    ("sac", "bptsan", "poisson", "halfcheetah"),
+]
+
+
+def run(config: ExperimentConfig, stop_at: Callable[[int], bool] = lambda step: False) -> tuple[Outcome, Path]:
+    progress = Silent()
+    with claim(config) as (directory, _):
+        session = TrainingSession(config, directory, progress)
+        outcome = session.loop(lambda: stop_at(session.step))
+        return outcome, directory.path
+
+
+def final_weights(path: Path) -> dict[str, torch.Tensor]:
+    return read_archive(path / "state" / "policy.pt")["actor"]
+
+
+def learner_state(path: Path) -> dict:
+    content, _ = CheckpointFolder(path / "state").load()
+    return content
+
+
+def assert_same(a: object, b: object, where: str = "") -> None:
+    if isinstance(a, torch.Tensor):
+        assert torch.equal(a, b), where  # type: ignore[arg-type]
+    elif isinstance(a, dict):
+        assert a.keys() == b.keys(), where  # type: ignore[attr-defined]
+        for key in a:
+            if not (where == "" and key == "interval_seconds"):
+                assert_same(a[key], b[key], f"{where}/{key}")  # type: ignore[index]
+    elif isinstance(a, list):
+        for i, (x, y) in enumerate(zip(a, b, strict=True)):  # type: ignore[call-overload]
+            assert_same(x, y, f"{where}/{i}")
+    else:
+        assert a == b, where
+
+
+@pytest.mark.parametrize("algo,actor,encoder,env", CASES)
+def test_a_run_stopped_anywhere_equals_one_never_stopped(
+    tmp_path: Path, algo: str, actor: str, encoder: str, env: str
+) -> None:
+    choices = {"algo": algo, "actor": actor, "encoder": encoder, "env": env}
+    whole, whole_path = run(tiny(tmp_path / "whole", **choices))
+    assert whole.status == "complete"
+    config = tiny(tmp_path / "stopped", **choices)
+    for stop in (50, 150, 300, 350, 500):  # before the first checkpoint, on one, between two, in mid-episode
+        outcome, _ = run(config, lambda step, stop=stop: step == stop)
+        assert outcome == Outcome("interrupted", stop, outcome.message)
+    outcome, stopped_path = run(config)
+    assert outcome.status == "complete"
+    assert (whole_path / "evaluations.csv").read_bytes() == (stopped_path / "evaluations.csv").read_bytes()
+    assert_same(final_weights(whole_path), final_weights(stopped_path))
+    assert_same(learner_state(whole_path), learner_state(stopped_path))
+    drop = ["steps_per_second"]
+    pd.testing.assert_frame_equal(
+        pd.read_csv(whole_path / "training.csv").drop(columns=drop),
+        pd.read_csv(stopped_path / "training.csv").drop(columns=drop),
+    )
+
+
+def test_rows_written_after_the_last_checkpoint_are_redone_not_doubled(tmp_path: Path) -> None:
+    _, whole_path = run(tiny(tmp_path / "whole", actor="aan"))
+    config = tiny(tmp_path / "killed", actor="aan")
+    run(config, lambda step: step == 400)
+    path = RunDirectory.path_of(config)
+    with (path / "evaluations.csv").open("a") as file:  # a kill after the evaluation and before its checkpoint
+        file.write("450,0,1.0,2\n450,1,1.0,2\n600,0,1.0")
+    run(config)
+    assert (whole_path / "evaluations.csv").read_bytes() == (path / "evaluations.csv").read_bytes()
+
+
+def test_a_truncated_checkpoint_falls_back_to_the_one_before_with_the_same_numbers(tmp_path: Path) -> None:
+    _, whole_path = run(tiny(tmp_path / "whole", actor="aan"))
+    config = tiny(tmp_path / "cut", actor="aan")
+    run(config, lambda step: step == 500)
+    path = RunDirectory.path_of(config)
+    newest = CheckpointFolder(path / "state").paths()[0]
+    assert newest.name.endswith("500.pt")
+    newest.write_bytes(newest.read_bytes()[:-100])
+    progress = Silent()
+    with claim(config) as (directory, _):
+        TrainingSession(config, directory, progress).loop(lambda: False)
+    assert any("passed over" in note and "truncated" in note for note in progress.notes)
+    assert "resumed at step 450" in progress.notes
+    assert (whole_path / "evaluations.csv").read_bytes() == (path / "evaluations.csv").read_bytes()
+    assert_same(final_weights(whole_path), final_weights(path))
+
+
+def test_two_corrupt_checkpoints_are_refused_and_the_evaluations_stay(tmp_path: Path) -> None:
+    config = tiny(tmp_path, actor="aan")
+    run(config, lambda step: step == 500)
+    path = RunDirectory.path_of(config)
+    rows = (path / "evaluations.csv").read_bytes()
+    for checkpoint in CheckpointFolder(path / "state").paths():
+        data = bytearray(checkpoint.read_bytes())
+        data[len(data) // 2] ^= 1
+        checkpoint.write_bytes(data)
+    with pytest.raises(CorruptCheckpoint, match="on_conflict=replace"):
+        run(config)
+    assert (path / "evaluations.csv").read_bytes() == rows
+
+
+def test_a_complete_run_is_extended_to_what_the_longer_run_would_have_been(tmp_path: Path) -> None:
+    longer = {"protocol.total_steps": 900}
+    _, whole_path = run(tiny(tmp_path / "whole", longer, actor="popsan"))
+    run(tiny(tmp_path / "extended", {"keep_replay": True}, actor="popsan"))
+    _, extended_path = run(tiny(tmp_path / "extended", longer | {"keep_replay": True}, actor="popsan"))
+    assert (whole_path / "evaluations.csv").read_bytes() == (extended_path / "evaluations.csv").read_bytes()
+
+
+def test_spinning_ups_update_counts(tmp_path: Path) -> None:
+    """Updates begin after step update_after + 50; 1M steps would give 999,000 and 499,500."""
+    outcome, path = run(tiny(tmp_path, {"protocol.update_after": 100}, actor="aan"))
+    learner = learner_state(path)["learner"]
+    assert outcome.step == 600
+    assert learner["critic_updates"] == 600 - 100
+    assert learner["actor_updates"] == (600 - 100) // 2
+    training = pd.read_csv(path / "training.csv")
+    assert training["step"].tolist() == [150, 300, 450, 600]
+    assert training["critic_updates"].tolist() == [50, 200, 350, 500]
+
+
+def test_the_initial_policy_is_evaluated_and_the_episodes_are_those_asked_for(tmp_path: Path) -> None:
+    _, path = run(tiny(tmp_path, actor="aan"))
+    table = pd.read_csv(path / "evaluations.csv")
+    assert table["step"].unique().tolist() == [0, 150, 300, 450, 600]
+    assert (table.groupby("step").size() == 2).all()
+    assert table["length"].between(1, 90).all()
+
+
+def test_evaluating_more_often_moves_no_training_number(tmp_path: Path) -> None:
+    _, rare = run(tiny(tmp_path / "rare", {"protocol.evaluation_interval": 300}))
+    _, often = run(tiny(tmp_path / "often", {"protocol.evaluation_interval": 50, "protocol.evaluation_episodes": 1}))
+    assert_same(final_weights(rare), final_weights(often))
+
+
+def test_the_global_generators_are_never_drawn_from(tmp_path: Path) -> None:
+    """A number drawn from a global generator would not survive a resume."""
+    import random
+
+    import numpy as np
+
+    before = torch.get_rng_state(), np.random.get_state()[1].copy(), random.getstate()  # type: ignore[index]
+    run(tiny(tmp_path, algo="sac"))
+    assert torch.equal(before[0], torch.get_rng_state())
+    assert (before[1] == np.random.get_state()[1]).all()  # type: ignore[index]
+    assert before[2] == random.getstate()
+
+
+def test_another_seed_moves_everything(tmp_path: Path) -> None:
+    _, one = run(tiny(tmp_path, {"seed": 1}))
+    _, two = run(tiny(tmp_path, {"seed": 2}))
+    assert (one / "evaluations.csv").read_bytes() != (two / "evaluations.csv").read_bytes()
+    a, b = final_weights(one), final_weights(two)
+    assert all(not torch.equal(a[k], b[k]) for k in a if "mean" not in k and "std" not in k)
+
+
+def test_non_finite_numbers_end_the_run_as_diverged_with_the_step(tmp_path: Path) -> None:
+    outcome, _ = run(tiny(tmp_path, {"algo.critic_learning_rate": 1e30}, actor="aan"))
+    assert outcome.status == "diverged"
+    assert str(outcome.step) in outcome.message and outcome.step < 600
