@@ -20,7 +20,8 @@ def _spread(weight, branch, spread):  # type: ignore[no-untyped-def]
         for j in range(weight.shape[0]):
             source, own, target = weight[j], branch[j], spread[m, j]
             for i in range(source.shape[0]):
-                target[i] = source[i] if own[i] == m else ZERO
+                value = source[i]  # loaded unconditionally, or the loop is not SIMD
+                target[i] = value if own[i] == np.int8(m) else ZERO
 
 
 def _gather(gathered, branch, spread):  # type: ignore[no-untyped-def]
@@ -30,7 +31,8 @@ def _gather(gathered, branch, spread):  # type: ignore[no-untyped-def]
         for m in range(spread.shape[0]):
             source = spread[m, j]
             for i in range(target.shape[0]):
-                target[i] = source[i] if own[i] == m else target[i]
+                value, others = source[i], target[i]
+                target[i] = value if own[i] == np.int8(m) else others
 
 
 @cache

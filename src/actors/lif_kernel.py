@@ -55,17 +55,17 @@ def _add_two_products(target, a0, b0, a1, b1):  # type: ignore[no-untyped-def]
 def _maxout_first(x, branch, z0, z1):  # type: ignore[no-untyped-def]
     """``x = max(z_0, z_1)``; the first wins ties."""
     for j in range(x.shape[0]):
-        larger = z1[j] > z0[j]
-        branch[j] = larger
-        x[j] = z1[j] if larger else z0[j]
+        first, second = z0[j], z1[j]
+        branch[j] = second > first
+        x[j] = second if second > first else first
 
 
 def _maxout_next(x, branch, z, index):  # type: ignore[no-untyped-def]
     """``x = max(x, z_m)`` for a further branch m."""
     for j in range(x.shape[0]):
-        larger = z[j] > x[j]
-        branch[j] = index if larger else branch[j]
-        x[j] = z[j] if larger else x[j]
+        here, before, winner = z[j], x[j], branch[j]
+        branch[j] = index if here > before else winner
+        x[j] = here if here > before else before
 
 
 def _current(c, x, bias, decay):  # type: ignore[no-untyped-def]
@@ -103,7 +103,8 @@ def _current_gradient(gc, gv, decay):  # type: ignore[no-untyped-def]
 def _branch_gradient(gz, gc, branch, index):  # type: ignore[no-untyped-def]
     """The gradient goes to the branch that was the largest."""
     for j in range(gz.shape[0]):
-        gz[j] = gc[j] if branch[j] == index else ZERO
+        value = gc[j]  # loaded unconditionally, or the loop is not SIMD
+        gz[j] = value if branch[j] == index else ZERO
 
 
 def _forward(  # type: ignore[no-untyped-def]
