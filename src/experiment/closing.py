@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 from rich.console import Console
-from rich.table import Table
 
 from src.experiment.lock import held_here
 from src.experiment.machine import ROOT
@@ -46,7 +45,7 @@ def ending(cell: Cell, killed: str | None = None) -> Ending:
 
 
 def close(endings: Sequence[Ending], busy_before: int, console: Console) -> int:
-    """Print one table of what is not well and return the exit code of the sweep."""
+    """Print what is not well, each with where to read why, and return the exit code of the sweep."""
     count: dict[str, int] = {}
     for each in endings:
         count[each.state] = count.get(each.state, 0) + 1
@@ -54,13 +53,9 @@ def close(endings: Sequence[Ending], busy_before: int, console: Console) -> int:
         count["left to another launcher"] = busy_before
     console.print("finished: " + ", ".join(f"{number} {state}" for state, number in count.items()), highlight=False)
     unwell = [each for each in endings if each.state not in ("complete", "interrupted")]
-    if unwell:
-        table = Table(box=None, pad_edge=False, header_style="bold")
-        for column in ("cell", "state", "why", "read"):
-            table.add_column(column, overflow="fold")
-        for each in unwell:
-            table.add_row(each.name, each.state, each.why, _shown(each.read))
-        console.print(table, markup=False)
+    width = max((len(each.state) for each in unwell), default=0)
+    for each in unwell:  # unwrapped lines: a path can be copied, a line can be searched for
+        print(f"{each.state:{width}}  {each.name}  {each.why}\n{'':{width}}  read {_shown(each.read)}", flush=True)
     return exit_code(count)
 
 

@@ -3,7 +3,6 @@
 import dataclasses
 import json
 import multiprocessing
-import os
 import time
 
 import pytest
@@ -106,7 +105,7 @@ def test_the_config_on_disk_is_a_valid_configuration_again(tmp_path):
     from src.config import validate
     from src.experiment.hashing import configuration_hash
 
-    config, run = ended(tmp_path)
+    _, run = ended(tmp_path)
     assert configuration_hash(validate(run.read_config())) == run.manifest.configuration_hash
     assert run.read_config()["results_dir"] == "results"
 
@@ -229,4 +228,3 @@ def test_the_owner_names_no_machine(tmp_path):
     _, run = ended(tmp_path)
     token = (run.state / "owner").read_text()
     assert len(token) == 16 and socket.gethostname() not in token
-    assert os.path.exists("/proc/sys/kernel/random/boot_id")

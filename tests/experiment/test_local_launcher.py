@@ -42,7 +42,7 @@ def test_each_end_is_recorded_and_told(sweep, seed, status, kind, message):
     assert before[seed]["failure"]["kind"].startswith(kind)
     assert re.search(message, before[seed]["failure"]["message"])
     table = first.out[first.out.index("finished:") :]
-    assert re.search(rf"seed_{seed} +{status} +.*{message}", table), first
+    assert re.search(rf"^{status} +td3/hopper/bptsan/poisson/seed_{seed}  .*{message}", table, re.MULTILINE), first
 
 
 def test_the_traceback_is_where_the_table_says(sweep):

@@ -1,0 +1,75 @@
+"""If these fail, a person believes that a grid is further than it is."""
+
+import json
+
+import pytest
+
+from src import status
+from src.experiment.claim import claim
+from src.experiment.manifest import Failure
+from tests.experiment.cells import smoke
+
+
+@pytest.fixture
+def study(tmp_path):
+    def left(*overrides, status, step, failure=None):
+        with claim(smoke(tmp_path, *overrides)) as (run, _):
+            run.evaluations.append(0, [(1.0, 5)])
+            run.evaluations.append(step, [(10.0, 5), (20.0, 5)])
+            run.training.append({"step": step, "steps_per_second": 50.0})
+            run.update_manifest(status=status, step=step, failure=failure)
+
+    left("seed=0", status="complete", step=2000)
+    left("seed=1", status="running", step=1000)  # its process is gone
+    left("seed=3", status="failed", step=500, failure=Failure("OSError", "the disk is full", 500))
+    left("actor=aan", "seed=0", status="diverged", step=700, failure=Failure("diverged", "nan at step 700", 700))
+    return tmp_path / "smoke"
+
+
+def test_the_table_shows_every_seed_under_its_state(study, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    assert status.main([str(study)]) == 1
+    out = capsys.readouterr().out
+    rows = {line.split()[2]: line.split() for line in out.splitlines() if line.startswith("td3")}
+    # algo env label encoder | done interrupted failed (diverged: none) | return, steps, steps/s, time left
+    assert rows["bptsan"][4:] == ["0", "1", "3", "15.0", "500/2000", "50", "-"]
+    assert rows["aan"][4:] == ["0", "1,3", "15.0", "700/2000", "50", "-"]
+    assert "runs: 1 done, 1 interrupted, 1 failed, 1 diverged, 2 missing" in out
+    assert "failed: td3/hopper/bptsan/poisson/seed_3: the disk is full" in out
+    assert "diverged: td3/hopper/aan/none/seed_0: nan at step 700" in out
+
+
+def test_a_live_run_is_running_and_its_time_left_is_told(study, tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    with claim(smoke(tmp_path, "seed=1")):
+        status.main([str(study)])
+    assert "20 s" in capsys.readouterr().out  # 1,000 steps at 50 a second
+
+
+def test_json(study, capsys):
+    assert status.main([str(study), "--json"]) == 1
+    rows = {row["label"]: row for row in json.loads(capsys.readouterr().out)}
+    assert [run["state"] for run in rows["bptsan"]["runs"]] == ["complete", "interrupted", "failed"]
+    assert rows["aan"]["missing"] == [1, 3] and rows["bptsan"]["missing"] == []
+    assert rows["bptsan"]["runs"][0]["last_return"] == 15.0
+
+
+@pytest.mark.parametrize(
+    ("left", "code"), [({"status": "complete"}, 0), ({"status": "diverged"}, 0), ({"status": "interrupted"}, 75)]
+)
+def test_exit_codes(tmp_path, left, code):
+    with claim(smoke(tmp_path)) as (run, _):
+        run.update_manifest(step=2000, **left)
+    assert status.main([str(tmp_path / "smoke")]) == code
+
+
+def test_no_such_study_is_one_sentence(tmp_path, capsys):
+    assert status.main([str(tmp_path / "nope")]) == 2
+    assert "there is no such study" in capsys.readouterr().err
+    (tmp_path / "empty").mkdir()
+    assert status.main([str(tmp_path / "empty")]) == 2
+    assert "no runs in it yet" in capsys.readouterr().err
+
+
+def test_seeds_are_told_as_ranges():
+    assert status.ranges([0, 1, 2, 3, 7, 9, 10]) == "0-3,7,9-10" and status.ranges([]) == ""
