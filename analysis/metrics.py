@@ -50,14 +50,24 @@ def half_std(returns: Array) -> Array:
 
 
 def smooth(values: Array, window: int = SMOOTHING_WINDOW) -> Array:
-    """Centred moving average over ``window`` evaluations, shortened at the edges, ``[steps] -> [steps]``; for display only.
+    """Centred moving average over ``window`` evaluations, ``[steps] -> [steps]``; for display only.
+
+    At the edges the window is shortened on both sides alike, so that it stays centred: the first and last value are
+    themselves. NaN inside a window is left out of its mean.
 
     Raises:
         ValueError: the window is even (it would have no centre) or not positive.
     """
     if window < 1 or window % 2 == 0:
         raise ValueError(f"a centred window is odd and positive, not {window}")
-    return pd.Series(values).rolling(window, center=True, min_periods=1).mean().to_numpy(float)
+    measured = ~np.isnan(values)
+    sums = np.concatenate([[0.0], np.cumsum(np.where(measured, values, 0.0))])
+    counts = np.concatenate([[0], np.cumsum(measured)])
+    at = np.arange(len(values))
+    reach = np.minimum(window // 2, np.minimum(at, len(values) - 1 - at))
+    low, high = at - reach, at + reach + 1
+    with np.errstate(invalid="ignore"):
+        return np.asarray((sums[high] - sums[low]) / np.where(counts[high] > counts[low], counts[high] - counts[low], np.nan))
 
 
 def max_of_mean(steps: NDArray[np.int64], returns: Array) -> Maximum:

@@ -19,7 +19,7 @@ RC: dict[str, Any] = {
     "font.family": "DejaVu Sans", "font.size": 8, "axes.titlesize": 9, "axes.labelsize": 8, "legend.fontsize": 8,
     "xtick.labelsize": 7, "ytick.labelsize": 7, "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True,
     "grid.alpha": 0.25, "grid.linewidth": 0.5, "lines.linewidth": 1.4, "legend.frameon": False, "pdf.fonttype": 42,
-    "svg.hashsalt": "spiking-actor-testbed", "svg.fonttype": "path", "figure.dpi": 100, "savefig.dpi": 200, "hatch.linewidth": 0.6,
+    "figure.dpi": 100, "savefig.dpi": 200, "hatch.linewidth": 0.6,
     "figure.constrained_layout.use": True, "text.parse_math": False,  # a "$" in a label is a dollar
 }  # fmt: skip
 
@@ -61,6 +61,8 @@ def panels(count: int, width: float = 2.35, height: float = 2.1, columns: int = 
     down = -(-count // across)
     figure, axes = plt.subplots(down, across, figsize=(max(across * width, 4.2), down * height + 0.45), squeeze=False)
     flat = [axis for row in axes for axis in row]
+    for axis in flat:
+        axis.locator_params(nbins=5)
     for axis in flat[count:]:
         axis.remove()
     return figure, flat[:count]

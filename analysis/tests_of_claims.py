@@ -65,9 +65,11 @@ def power(n: int, estimate: float, stds: Array, weights: Sequence[float], alpha:
     parts = np.array([c**2 * s**2 for c, s in zip(weights, stds, strict=True)]) / n
     df = float(parts.sum() ** 2 / (parts**2).sum() * (n - 1))
     shift, bound = abs(estimate) / float(np.sqrt(parts.sum())), float(scipy.stats.t.ppf(1 - alpha / 2, df))
-    if shift > 40:  # the noncentral t underflows there, and the power is 1
-        return 1.0
-    return float(scipy.stats.nct.sf(bound, df, shift) + scipy.stats.nct.cdf(-bound, df, shift))
+    near = float(scipy.stats.nct.sf(bound, df, shift))
+    far = float(scipy.stats.nct.cdf(-bound, df, shift))
+    if np.isnan(near):  # SciPy's noncentral t gives up far from 0, where the power is 1
+        return 1.0 if shift > bound else np.nan
+    return near + (0.0 if np.isnan(far) else far)  # the far tail is the first to underflow
 
 
 def seeds_for_power(

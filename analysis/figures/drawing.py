@@ -17,7 +17,6 @@ from analysis.writing import write_bytes, write_csv
 #: Nothing in these depends on the clock or on this program's version.
 _METADATA: dict[str, dict[str, Any]] = {
     "pdf": {"CreationDate": None, "Producer": None, "Creator": None},
-    "svg": {"Date": None, "Creator": None},
     "png": {"Software": None},
 }
 
@@ -38,10 +37,13 @@ class Drawing:
         self.name = re.sub(r"[^A-Za-z0-9_.=-]", "_", self.name)  # it becomes a file name, and may hold a key from a manifest
 
     def save(self, folder: Path) -> None:
-        """``<name>.pdf``, ``.png``, ``.svg`` and ``.csv``, the CSV of exactly what is drawn; then close the figure."""
+        """``<name>.pdf``, ``.png`` and ``.csv``, the CSV of exactly what is drawn; then close the figure."""
         if self.figure is None or self.data is None:
             return
         write_csv(folder / f"{self.name}.csv", self.data)
+        if self.figure.get_layout_engine() is not None:
+            self.figure.draw_without_rendering()  # lay out once, not once per format
+            self.figure.set_layout_engine("none")
         for kind, metadata in _METADATA.items():
             buffer = io.BytesIO()
             self.figure.savefig(buffer, format=kind, metadata=metadata)

@@ -29,13 +29,9 @@ def draw(study: Study, cells: list[Cell], algo: str) -> list[Drawing]:
     figure, axes = panels(len(tasks), width=3.4, height=0.75 + 0.3 * len(arms), columns=2)
     rows = []
     for index, (axis, env) in enumerate(zip(axes, tasks)):
-        labels = []
-        for place, arm in enumerate(arms):
-            found = select(here, env=env, arm=arm)
-            labels.append(f"{actor_name(arm)} (n={found[0].n if found else 0})")
-            if not found:
-                continue
-            cell, look = found[0], style[arm]
+        shown = select(here, env=env)
+        for place, cell in enumerate(shown):
+            arm, look = cell.arm, style[cell.arm]
             low, high = bootstrap.interval([cell.final], bootstrap.mean) if cell.n >= MINIMUM_SEEDS else (np.nan, np.nan)
             offsets = np.linspace(-0.2, 0.2, cell.n) if cell.n > 1 else np.zeros(1)
             ok = ~cell.diverged
@@ -50,10 +46,10 @@ def draw(study: Study, cells: list[Cell], algo: str) -> list[Drawing]:
                 }  # fmt: skip
                 for seed, value, bad in zip(cell.seeds, cell.final, cell.diverged)
             ]
-        axis.set_yticks(range(len(arms)), labels)
-        axis.set_ylim(len(arms) - 0.5, -0.5)
+        axis.set_yticks(range(len(shown)), [f"{actor_name(cell.arm)} (n={cell.n})" for cell in shown])
+        axis.set_ylim(len(shown) - 0.5, -0.5)
         axis.set_title(task_name(env))
         axis.grid(False, axis="y")
         if index >= len(tasks) - 2:
-            axis.set_xlabel("Return, mean of the last 10% of steps")
+            axis.set_xlabel("Final performance (return)")
     return [Drawing(name, title, caption, figure=figure, data=pd.DataFrame(rows))]

@@ -46,7 +46,7 @@ def curve_of(cell: Cell, window: int = metrics.SMOOTHING_WINDOW) -> pd.DataFrame
 def _drawing(name: str, title: str, cells: list[Cell]) -> Drawing:
     caption = (
         "Mean over seeds of the evaluation return; shaded: half a standard deviation over seeds (ddof=1, none for a single seed). "
-        f"Smoothed for display with a centred moving average over {metrics.SMOOTHING_WINDOW} evaluations, shortened at the edges. "
+        f"Smoothed for display with a centred moving average over {metrics.SMOOTHING_WINDOW} evaluations, shortened on both sides alike at the edges. "
         "Unfinished runs are drawn as far as they went; a thin line marks steps with fewer seeds than n. A diverged run's last value is "
         "carried forward."
     )

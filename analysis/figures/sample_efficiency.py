@@ -36,8 +36,9 @@ def draw(study: Study, cells: list[Cell], algo: str) -> list[Drawing]:
         if not steps:
             continue
         scores = [normalised(cell.returns[:, np.isin(cell.steps, steps)], algo, cell.env) for cell in found]
+        enough = min(cell.n for cell in found) >= MINIMUM_SEEDS
         values, low, high = bootstrap.curve_interval(scores, bootstrap.iqm)
-        if min(cell.n for cell in found) < MINIMUM_SEEDS:
+        if not enough:
             low = high = np.full(len(values), np.nan)
         n, horizon = "/".join(str(cell.n) for cell in found), max([horizon, *(cell.horizon for cell in found)])
         axis.fill_between(steps, low, high, color=style[arm].color, alpha=0.15, linewidth=0)

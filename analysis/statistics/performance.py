@@ -34,7 +34,7 @@ def _names(cell: Cell) -> dict[str, object]:
 
 def main_table(cells: list[Cell]) -> Table:
     """The one table a reader wants: tasks by actors, mean ± std (n)."""
-    arms = ordered_arms({cell.arm for cell in cells})
+    arms = ordered_arms({cell.arm for cell in cells if cell.paper} or {cell.arm for cell in cells})
     rows = []
     for algo, env in dict.fromkeys((cell.algo, cell.env) for cell in cells):
         row = {"algorithm": algorithm_name(algo), "task": task_name(env)}
@@ -46,7 +46,7 @@ def main_table(cells: list[Cell]) -> Table:
         rows.append(row)
     columns = [*_WHERE[:2], *((arm, actor_name(arm), str) for arm in arms)]
     frame = pd.DataFrame(rows, columns=["algorithm", "task", *arms])
-    caption = f"{FINAL} n counts finished runs and diverged ones, whose last value is carried forward."
+    caption = f"{FINAL} n counts finished runs and diverged ones, whose last value is carried forward. Variants stand in the table below."
     return Table("main", "main", "Final performance", caption, frame, columns, "No runs yet.")
 
 

@@ -1,0 +1,101 @@
+"""If these fail, an interval is not the stratified bootstrap's, or moves from run to run."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rliable import library
+from rliable import metrics as rliable_metrics
+
+from analysis import bootstrap
+from analysis.improvement import probability_of_improvement
+
+GENERATOR = np.random.default_rng(1)
+SCORES = GENERATOR.normal([50, 60, 70, 80], [10, 5, 20, 10], size=(10, 4))
+OTHER = SCORES - GENERATOR.normal(5, 8, size=(10, 4))
+TASKS = list(SCORES.T)
+
+
+def test_iqm_by_hand():
+    # 8 pooled scores; a quarter cut at each end leaves 3, 4, 5, 6
+    assert bootstrap.point([np.array([1.0, 2, 3, 4]), np.array([5.0, 6, 7, 100])], bootstrap.iqm) == 4.5
+
+
+def test_points_equal_rliable():
+    ours = {name: bootstrap.point(TASKS, f) for name, f in (("iqm", bootstrap.iqm), ("mean", bootstrap.mean), ("median", bootstrap.median))}
+    assert ours["iqm"] == pytest.approx(rliable_metrics.aggregate_iqm(SCORES))
+    assert ours["mean"] == pytest.approx(rliable_metrics.aggregate_mean(SCORES))
+    assert ours["median"] == pytest.approx(rliable_metrics.aggregate_median(SCORES))
+    gap = bootstrap.point(TASKS, bootstrap.optimality_gap)
+    assert gap == pytest.approx(rliable_metrics.aggregate_optimality_gap(SCORES, gamma=100))
+
+
+def test_intervals_agree_with_rliable():
+    np.random.seed(0)
+    functions = (bootstrap.iqm, rliable_metrics.aggregate_iqm), (bootstrap.median, rliable_metrics.aggregate_median)
+    theirs = library.get_interval_estimates({"x": SCORES}, lambda s: np.array([f(s) for _, f in functions]), reps=2000)[1]["x"]
+    for column, (ours, _) in enumerate(functions):
+        assert bootstrap.interval(TASKS, ours) == pytest.approx(theirs[:, column], abs=0.6)  # both are Monte Carlo; widths are about 8
+
+
+def test_profile_agrees_with_rliable():
+    thresholds = np.linspace(30, 100, 8)
+    np.random.seed(0)
+    theirs, theirs_interval = library.create_performance_profile({"x": SCORES}, thresholds, reps=1000)
+    assert bootstrap.profile(TASKS, thresholds) == pytest.approx(theirs["x"])
+    assert np.array(bootstrap.profile_interval(TASKS, thresholds)) == pytest.approx(theirs_interval["x"], abs=0.03)
+
+
+def test_probability_of_improvement_by_hand():
+    # pairs: 3>1, 3>2, 1=1, 1<2 -> (1 + 1 + 0.5 + 0) / 4
+    x, y = np.array([3.0, 1.0]), np.array([1.0, 2.0])
+    assert probability_of_improvement([x], [y]) == 0.625
+    assert probability_of_improvement([x, np.array([9.0])], [y, np.array([1.0])]) == pytest.approx((0.625 + 1) / 2)
+
+
+def test_probability_of_improvement_interval_agrees_with_rliable():
+    np.random.seed(0)
+    pairs = {"x,y": (SCORES, OTHER)}
+    theirs = library.get_interval_estimates(pairs, rliable_metrics.probability_of_improvement, reps=1000)[1]["x,y"].ravel()
+    assert bootstrap.improvement_interval(TASKS, list(OTHER.T)) == pytest.approx(theirs, abs=0.03)
+
+
+def test_same_seed_same_interval_and_no_global_generator():
+    np.random.seed(3)
+    first = bootstrap.interval(TASKS, bootstrap.iqm, 500)
+    state = np.random.get_state()[1].tolist()
+    assert bootstrap.interval(TASKS, bootstrap.iqm, 500) == first
+    assert np.random.get_state()[1].tolist() == state
+    assert bootstrap.interval(TASKS, bootstrap.iqm, 500, seed=1) != first
+
+
+def test_unequal_seeds_per_task():
+    low, high = bootstrap.interval([SCORES[:, 0], SCORES[:4, 1], SCORES[:7, 2]], bootstrap.iqm)
+    assert low < bootstrap.point([SCORES[:, 0], SCORES[:4, 1], SCORES[:7, 2]], bootstrap.iqm) < high
+
+
+def test_a_task_without_seeds_is_refused():
+    with pytest.raises(ValueError, match="at least one seed"):
+        bootstrap.interval([SCORES[:, 0], np.array([])], bootstrap.iqm)
+
+
+def test_curve_resamples_whole_runs():
+    # every run is constant over time, so the interval must be the same at every step
+    runs = np.repeat(SCORES[:, :1], 5, axis=1)
+    _, low, high = bootstrap.curve_interval([runs], bootstrap.iqm, 300)
+    assert np.ptp(low) == np.ptp(high) == 0 and low[0] < high[0]
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.lists(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=6), min_size=1, max_size=4))
+def test_intervals_are_ordered_and_inside_the_data(tasks):
+    values = [np.array(task) for task in tasks]
+    low, high = bootstrap.interval(values, bootstrap.mean, 200)
+    assert min(map(min, values)) - 1e-9 <= low <= high <= max(map(max, values)) + 1e-9
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.lists(st.floats(-10, 10), min_size=1, max_size=6), st.lists(st.floats(-10, 10), min_size=1, max_size=6))
+def test_improvement_and_its_converse_add_to_one(x, y):
+    a, b = [np.array(x)], [np.array(y)]
+    assert probability_of_improvement(a, b) + probability_of_improvement(b, a) == pytest.approx(1)
