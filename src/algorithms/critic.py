@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from torch import Tensor, nn
 
-from src.algorithms.ensemble_mlp import EnsembleMLP
+from src.ensemble_mlp import EnsembleMLP
 from src.streams import Streams
 
 

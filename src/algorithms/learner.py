@@ -9,6 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from src.actors.health import ActorHealth
+from src.algorithms.adam import FlatAdam
 from src.algorithms.metrics import BurstRecord, Diverged
 from src.algorithms.parameters import FlatParameters
 from src.algorithms.policy import DeterministicPolicy
@@ -46,7 +47,7 @@ class Learner(ABC):
     def __init__(self) -> None:
         self.modules: dict[str, nn.Module] = {}
         self.flat: dict[str, FlatParameters] = {}
-        self.optimizers: dict[str, torch.optim.Adam] = {}
+        self.optimizers: dict[str, FlatAdam] = {}
 
     @abstractmethod
     def explore(self, observation: Tensor) -> Tensor:

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor, nn
 
+from src.algorithms.adam import FlatAdam
+
 
 class FlatParameters:
     """Re-points the parameters of ``modules`` to views of one flat tensor, the modules keep working as before."""
@@ -20,11 +22,9 @@ class FlatParameters:
             p.data = self.values[offset : offset + p.numel()].view(p.shape)
             offset += p.numel()
 
-    def adam(self, learning_rate: float) -> torch.optim.Adam:
-        """Adam over the flat tensor: betas (0.9, 0.999), eps 1e-8 [SU]."""
-        flat = nn.Parameter(self.values)
-        flat.grad = self.gradient
-        return torch.optim.Adam([flat], lr=learning_rate, eps=1e-8, fused=True)
+    def adam(self, learning_rate: float) -> FlatAdam:
+        """Adam over the flat tensor."""
+        return FlatAdam(self.values, self.gradient, learning_rate)
 
     def join(self, gradients: Sequence[Tensor]) -> None:
         """Copy gradients, in the order of ``parameters``, into the flat ``gradient`` that the optimizer reads."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from src.algorithms.ensemble_mlp import EnsembleMLP
+from src.ensemble_mlp import EnsembleMLP
 from src.config import SACConfig
 from src.streams import Streams
 

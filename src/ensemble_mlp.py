@@ -6,7 +6,7 @@ all E networks go through one batched product per layer and the whole network is
     h_0 = x,   h_k = relu(h_{k-1} W_k + b_k) for k < L,   y = h_{L-1} W_L + b_L
     dW_k = h_{k-1}^T g_k,   db_k = sum_B g_k,   g_{k-1} = (g_k W_k^T) * 1[h_{k-1} > 0]
 
-`tests/algorithms/test_ensemble_mlp.py` holds it against ``torch.nn.Linear`` and autograd.
+`tests/test_ensemble_mlp.py` holds it against ``torch.nn.Linear`` and autograd.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from src.streams import Streams
 
 
 class _EnsembleMLPFunction(torch.autograd.Function):
-    """``apply(first, second, W_1, b_1, ..., W_L, b_L)``: the input is ``cat([first, second], -1)``, or ``first`` alone."""
+    """``apply(final_relu, first, second, W_1, b_1, ..., W_L, b_L)``: the input is ``cat([first, second], -1)``, or ``first``."""
 
     @staticmethod
-    def forward(ctx: Any, first: Tensor, second: Tensor | None, *parameters: Tensor) -> Tensor:
+    def forward(ctx: Any, final_relu: bool, first: Tensor, second: Tensor | None, *parameters: Tensor) -> Tensor:
         x = first if second is None else torch.cat([first, second], dim=-1)
         ensemble = parameters[0].shape[0]
         hidden: list[Tensor] = [x.expand(ensemble, *x.shape) if x.dim() == 2 else x]
         layers = len(parameters) // 2
         for k in range(layers):
             y = torch.baddbmm(parameters[2 * k + 1], hidden[-1], parameters[2 * k])
-            hidden.append(y.relu_() if k < layers - 1 else y)
-        ctx.save_for_backward(*hidden[:-1], *parameters[0::2])
-        ctx.layers = layers
+            hidden.append(y.relu_() if final_relu or k < layers - 1 else y)
+        ctx.save_for_backward(*(hidden if final_relu else hidden[:-1]), *parameters[0::2])
+        ctx.layers, ctx.final_relu = layers, final_relu
         ctx.split = None if second is None else first.shape[-1]
         ctx.shared_input = x.dim() == 2
         return hidden[-1]
@@ -42,8 +42,10 @@ class _EnsembleMLPFunction(torch.autograd.Function):
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
         (g,) = gradients
         saved = ctx.saved_tensors
-        hidden, weights = saved[: ctx.layers], saved[ctx.layers :]
-        need = ctx.needs_input_grad
+        hidden, weights = saved[: -ctx.layers], saved[-ctx.layers :]
+        need = ctx.needs_input_grad[1:]
+        if ctx.final_relu:
+            g = torch.ops.aten.threshold_backward(g, hidden[-1], 0)
         parameter_gradients: list[Tensor | None] = [None] * (2 * ctx.layers)
         first_gradient = second_gradient = None
         for k in reversed(range(ctx.layers)):
@@ -56,7 +58,7 @@ class _EnsembleMLPFunction(torch.autograd.Function):
             first_gradient = _input_gradient(g, weights[0][:, : ctx.split], ctx.shared_input)
         if need[1]:
             second_gradient = _input_gradient(g, weights[0][:, ctx.split :], ctx.shared_input)
-        return first_gradient, second_gradient, *parameter_gradients
+        return None, first_gradient, second_gradient, *parameter_gradients
 
 
 def _input_gradient(g: Tensor, weight: Tensor, shared_input: bool) -> Tensor:
@@ -77,9 +79,12 @@ class EnsembleMLP(nn.Module):
         ensemble: number E of networks.
         streams: the run's random streams.
         name: prefix of the initialisation streams.
+        final_relu: the last layer has a ReLU too (a trunk for heads to share).
     """
 
-    def __init__(self, sizes: Sequence[int], ensemble: int, streams: Streams, name: str) -> None:
+    def __init__(
+        self, sizes: Sequence[int], ensemble: int, streams: Streams, name: str, *, final_relu: bool = False
+    ) -> None:
         super().__init__()
         self.weights = nn.ParameterList()
         self.biases = nn.ParameterList()
@@ -91,7 +96,7 @@ class EnsembleMLP(nn.Module):
                 bias[e].uniform_(-bound, bound, generator=streams.torch("initialisation", f"{name}.{e}.{k}.bias"))
             self.weights.append(nn.Parameter(weight))
             self.biases.append(nn.Parameter(bias))
-        self.ensemble = ensemble
+        self.final_relu = final_relu
 
     def forward(
         self, first: Tensor, second: Tensor | None = None, *, members: int | None = None, frozen: bool = False
@@ -108,5 +113,5 @@ class EnsembleMLP(nn.Module):
         for parameter in (p for pair in zip(self.weights, self.biases) for p in pair):
             part = parameter if members is None else parameter[:members]
             parameters.append(part.detach() if frozen else part)
-        result: Tensor = _EnsembleMLPFunction.apply(first, second, *parameters)
+        result: Tensor = _EnsembleMLPFunction.apply(self.final_relu, first, second, *parameters)
         return result

@@ -5,7 +5,7 @@ import torch
 from torch import nn
 
 from src.algorithms.critic import TwinCritic
-from src.algorithms.ensemble_mlp import EnsembleMLP
+from src.ensemble_mlp import EnsembleMLP
 from src.streams import Streams
 
 
@@ -52,6 +52,17 @@ def test_hand_written_backward_passes_gradcheck(network: EnsembleMLP) -> None:
     network = network.double()
     x = torch.randn(4, 5, dtype=torch.float64, requires_grad=True)
     assert torch.autograd.gradcheck(lambda value: network(value), (x,))
+
+
+def test_a_trunk_ends_in_a_relu_and_its_gradient_stops_there() -> None:
+    trunk = EnsembleMLP([5, 16, 8], 1, Streams(0), "test", final_relu=True)
+    x, weight = torch.randn(7, 5, requires_grad=True), torch.randn(7, 8)
+    ours = trunk(x)[0]
+    theirs = torch.relu(plain(trunk, 0)(x))
+    torch.testing.assert_close(ours, theirs)
+    assert (ours == 0).any()
+    (a,), (b,) = torch.autograd.grad((ours * weight).sum(), x), torch.autograd.grad((theirs * weight).sum(), x)
+    torch.testing.assert_close(a, b)
 
 
 def test_frozen_gives_no_gradient_to_the_network_but_the_right_one_to_the_input(network: EnsembleMLP) -> None:
