@@ -114,3 +114,9 @@ def test_fixed_receptive_fields():
     assert list(module.state_dict()) == []
     module.project()
     assert not module(torch.randn(2, 3)).requires_grad
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_deterministic_threshold_is_strict(dtype):
+    strength = torch.tensor([[0.75, 0.7500001]], dtype=dtype)
+    assert encode(strength, "deterministic", 1, 0.75, None).flatten().tolist() == [0, 1]
