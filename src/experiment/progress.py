@@ -125,6 +125,8 @@ def number(value: float | None) -> str:
 
 def time_left(steps: int, steps_per_second: float) -> str:
     """``3 h 20 min``, ``4 min``, ``30 s``, or ``?``."""
+    if steps <= 0:
+        return "0 s"
     return duration(steps / steps_per_second) if steps_per_second > 0 else "?"
 
 

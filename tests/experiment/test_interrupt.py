@@ -39,7 +39,10 @@ def test_one_signal_takes_a_checkpoint_and_the_same_command_goes_on(tmp_path, nu
     sweep = start(tmp_path, *GRID, sleep=0.3)
     wait_for(begun(tmp_path, 0, 1))
     jobs = pids(tmp_path, (0, 1))
-    sweep.send_signal(number)
+    if number == signal.SIGINT:
+        os.killpg(sweep.pid, number)  # as a terminal does
+    else:
+        sweep.send_signal(number)
     done = Done(sweep)
     assert done.code == 75, done
     assert not any(alive(pid) for pid in jobs)
