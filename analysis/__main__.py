@@ -15,7 +15,8 @@ EPILOG = """examples:
   python -m analysis compare results/paper results/equal_rates --algo td3
   dvc repro                                            the same stages, for the studies that dvc.yaml lists
 
-Claims are stated in analysis/claims.yaml, normalised scores in analysis/reference_scores.yaml; docs/report.md is the how-to."""
+Claims are stated in analysis/claims.yaml, normalised scores in analysis/reference_scores.yaml; docs/report.md is the
+how-to."""
 
 
 def _collect(options: argparse.Namespace) -> None:
@@ -54,6 +55,9 @@ def _render(options: argparse.Namespace) -> None:
 
 
 def _report(options: argparse.Namespace) -> None:
+    from analysis.claims_file import read_claims
+
+    read_claims(options.claims)  # a mistake there is told before the minutes of drawing
     for stage in (_collect, _figures, _statistics, _render):
         stage(options)
 
@@ -84,7 +88,10 @@ def _parser() -> argparse.ArgumentParser:
     from analysis.claims_file import FILE
 
     parser = argparse.ArgumentParser(
-        prog="python -m analysis", description=__doc__, epilog=EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter
+        prog="python -m analysis",
+        description=__doc__,
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
@@ -105,9 +112,13 @@ def _parser() -> argparse.ArgumentParser:
         command = add(name, what, function)
         command.add_argument("study", **study)  # type: ignore[arg-type]
         if name in ("report", "statistics"):
-            command.add_argument("--claims", type=Path, default=FILE, help="another claims file than analysis/claims.yaml")
+            command.add_argument(
+                "--claims", type=Path, default=FILE, help="another claims file than analysis/claims.yaml"
+            )
     command = add("compare", "set two labels, or two studies, side by side", _compare)
-    command.add_argument("a", metavar="A", help="a study (results/paper), a label of one (results/paper:bptsan), or a label of --study")
+    command.add_argument(
+        "a", metavar="A", help="a study (results/paper), a label of one (results/paper:bptsan), or a label of --study"
+    )
     command.add_argument("b", metavar="B", help="the same")
     command.add_argument("--study", type=Path, help="the study that bare labels belong to")
     command.add_argument("--algo", help="only this algorithm, such as td3")

@@ -1,6 +1,7 @@
 """The stratified bootstrap of Agarwal et al. (2021), seeded: seeds are resampled with replacement within each task.
 
-rliable's own ignores its ``random_state`` and needs the same number of runs for every task; this one takes a list with one
+rliable's own ignores its ``random_state`` and needs the same number of runs for every task; this one takes a list
+with one
 array per task. Tested against rliable's.
 """
 
@@ -116,7 +117,9 @@ def improvement_interval(
     total = np.zeros(repetitions)
     for a, b in zip(x, y, strict=True):
         wins = (a[:, None] > b[None]) + 0.5 * (a[:, None] == b[None])
-        weights = [generator.multinomial(len(v), np.full(len(v), 1 / len(v)), size=repetitions) / len(v) for v in (a, b)]
+        weights = [
+            generator.multinomial(len(v), np.full(len(v), 1 / len(v)), size=repetitions) / len(v) for v in (a, b)
+        ]
         total += ((weights[0] @ wins) * weights[1]).sum(axis=1)
     low, high = percentiles(total / len(x))
     return float(low), float(high)

@@ -57,7 +57,7 @@ def cells_of(study: Study) -> list[Cell]:
         return []
     evaluations = dict(list(study.evaluations.groupby(["algo", "env", "arm"], sort=False)))
     nothing = study.evaluations.iloc[:0]
-    found = {key: runs for key, runs in study.runs.groupby(["algo", "env", "arm"], sort=False)}
+    found = dict(list(study.runs.groupby(["algo", "env", "arm"], sort=False)))
     return [_cell(*key, found[key], evaluations.get(key, nothing)) for key in _in_order(study.runs)]
 
 
@@ -92,8 +92,4 @@ def _cell(algo: str, env: str, arm: str, runs: pd.DataFrame, evaluations: pd.Dat
 
 def select(cells: list[Cell], algo: str | None = None, env: str | None = None, arm: str | None = None) -> list[Cell]:
     """The cells that match what is given."""
-    return [
-        cell
-        for cell in cells
-        if algo in (None, cell.algo) and env in (None, cell.env) and arm in (None, cell.arm)
-    ]
+    return [cell for cell in cells if algo in (None, cell.algo) and env in (None, cell.env) and arm in (None, cell.arm)]

@@ -66,7 +66,9 @@ def decide(study: Study, cells: list[Cell], claims: Claims) -> list[Row]:
             if row.verdict == "undecided" and not row.why:
                 row.why = "no difference detected at this number of seeds, which is not equality"
                 row.seeds_unadjusted = seeds_for_power(arms, row.claim.weights, claims.alpha, claims.power)
-                row.seeds_adjusted = seeds_for_power(arms, row.claim.weights, claims.alpha / max(tested, 1), claims.power)
+                row.seeds_adjusted = seeds_for_power(
+                    arms, row.claim.weights, claims.alpha / max(tested, 1), claims.power
+                )
             rows.append(row)
     return rows
 
@@ -124,7 +126,8 @@ def _why_not_tested(study: Study, claim: Claim, algo: str, env: str, arms: list[
 def unequal_settings(study: Study, algo: str, env: str, arms: tuple[str, ...]) -> list[str]:
     """Settings outside the actor in which arms differ ("identical configurations" does not hold), each as a phrase.
 
-    The actor's learning rate and log-std network go with the actor [PopSAN]; a key that a label declares as changed is meant.
+    The actor's learning rate and log-std network go with the actor [PopSAN]; a key that a label declares as changed
+    is meant.
     """
     exempt = {"algo.actor_learning_rate", "algo.log_std_network", "threads", "device"} | IDENTITY
     runs = study.runs[(study.runs["algo"] == algo) & (study.runs["env"] == env)]
@@ -141,7 +144,7 @@ def unequal_settings(study: Study, algo: str, env: str, arms: tuple[str, ...]) -
 
 
 def overall(rows: list[Row], claims: Claims) -> list[Overall]:
-    """"On every task": supported needs every task supported; one contradicted task contradicts; else undecided."""
+    """Every claim on every task: supported needs every task supported; one contradicted task contradicts; else undecided."""
     results = []
     for algo in dict.fromkeys(row.algo for row in rows):
         for claim in claims.claims:

@@ -1,4 +1,6 @@
-"""``results/<study>/collected/``: a study's frames as files, so that figures and statistics never parse run directories."""
+"""``results/<study>/collected/``: a study's frames as files, so that figures and statistics never parse run
+directories.
+"""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from analysis.improvement import probability_of_improvement
 from analysis.metrics import hedges_g
 from analysis.names import algorithm_name, task_name
 from analysis.study import Study, read_study
-from analysis.tables import Table, number, p_value, pair, spread, text
+from analysis.tables import Column, Table, number, p_value, pair, spread, text
 from analysis.tests_of_claims import MINIMUM_SEEDS, welch_contrast
 
 
@@ -49,7 +49,10 @@ def side(given: str, study: Path | None) -> Side:
     if colon and Path(folder).is_dir():
         return Side(given, read_study(Path(folder)), label)
     if study is None:
-        raise InputError(f"{given!r} is no folder; name a study (results/paper), a label of one (results/paper:{given}), or add --study.")
+        raise InputError(
+            f"{given!r} is no folder; name a study (results/paper), a label of one (results/paper:{given}), or add "
+            f"--study."
+        )
     return Side(given, read_study(study), given)
 
 
@@ -68,19 +71,34 @@ def compare(a: Side, b: Side, algo: str | None = None) -> tuple[Table, list[str]
                 continue
             rows.append(_row(cell, other))
             keys = [s.study.configurations[f"{c.algo}/{c.env}/{c.arm}"] for s, c in ((a, cell), (b, other))]
-            shown = "; ".join(f"{key}: {x} / {y}" for key, x, y in differing_keys(*keys)[:8])
+            shown = "; ".join(f"{key}: {x} / {y}" for key, x, y in differing_keys(keys[0], keys[1])[:8])
             if shown:
-                notes.append(f"{algorithm_name(cell.algo)}, {task_name(cell.env)}, {cell.arm} / {other.arm} differ in {shown}.")
+                notes.append(
+                    f"{algorithm_name(cell.algo)}, {task_name(cell.env)}, {cell.arm} / {other.arm} differ in {shown}."
+                )
             if cell.horizon != other.horizon:
-                notes.append(f"{task_name(cell.env)}: unequal training, {cell.horizon:,} against {other.horizon:,} steps: not comparable.")
+                notes.append(
+                    f"{task_name(cell.env)}: unequal training, {cell.horizon:,} against {other.horizon:,} steps: not "
+                    f"comparable."
+                )
     if not rows:
-        raise InputError(f"{a.name} and {b.name} have no algorithm, task and label in common, so there is nothing to compare.")
-    columns = [
-        ("algorithm", "Algorithm", text), ("task", "Task", text), ("labels", "A / B", text), ("a", "A: mean ± std", str),
-        ("b", "B: mean ± std", str), ("difference", "A − B [95%]", str), ("p", "p (not adjusted)", p_value),
-        ("effect", "Hedges' g", number(2)), ("improvement", "P(A > B) [95%]", str),
-    ]  # fmt: skip
-    caption = f"A is {a.name}, B is {b.name}. Final performance; Welch's test; p is not adjusted for the number of rows."
+        raise InputError(
+            f"{a.name} and {b.name} have no algorithm, task and label in common, so there is nothing to compare."
+        )
+    columns: list[Column] = [
+        ("algorithm", "Algorithm", text),
+        ("task", "Task", text),
+        ("labels", "A / B", text),
+        ("a", "A: mean ± std", str),
+        ("b", "B: mean ± std", str),
+        ("difference", "A − B [95%]", str),
+        ("p", "p (not adjusted)", p_value),
+        ("effect", "Hedges' g", number(2)),
+        ("improvement", "P(A > B) [95%]", str),
+    ]
+    caption = (
+        f"A is {a.name}, B is {b.name}. Final performance; Welch's test; p is not adjusted for the number of rows."
+    )
     return Table("compare", "statistics", "Side by side", caption, pd.DataFrame(rows), columns), notes
 
 
@@ -91,10 +109,17 @@ def _row(a: Cell, b: Cell) -> dict[str, object]:
         low, high = improvement_interval([a.final], [b.final]) if enough else (np.nan, np.nan)
         improvement = pair(probability_of_improvement([a.final], [b.final]), low, high, 2)
     shown = [
-        spread(cell.final.mean() if cell.n else np.nan, cell.final.std(ddof=1) if cell.n > 1 else np.nan, cell.n) for cell in (a, b)
+        spread(cell.final.mean() if cell.n else np.nan, cell.final.std(ddof=1) if cell.n > 1 else np.nan, cell.n)
+        for cell in (a, b)
     ]
     return {
-        "algorithm": algorithm_name(a.algo), "task": task_name(a.env), "labels": a.arm if a.arm == b.arm else f"{a.arm} / {b.arm}",
-        "a": shown[0], "b": shown[1], "difference": pair(contrast.estimate, contrast.low, contrast.high), "p": contrast.p,
-        "effect": hedges_g(a.final, b.final), "improvement": improvement,
-    }  # fmt: skip
+        "algorithm": algorithm_name(a.algo),
+        "task": task_name(a.env),
+        "labels": a.arm if a.arm == b.arm else f"{a.arm} / {b.arm}",
+        "a": shown[0],
+        "b": shown[1],
+        "difference": pair(contrast.estimate, contrast.low, contrast.high),
+        "p": contrast.p,
+        "effect": hedges_g(a.final, b.final),
+        "improvement": improvement,
+    }

@@ -1,25 +1,31 @@
 """Operations and energy of one decision, from layer sizes and measured firing rates.
 
 A spiking layer's synaptic operations per decision are its input spikes times its fan-out, summed over the T steps:
-``T * rate * n_in * n_out``; each is one accumulate. A dendritic neuron reads every input on exactly one branch, so its synapses
-count once. A lateral spike at step tau reaches its neighbours at tau + 1, so ``(T - 1) * rate * connections``. An artificial
+``T * rate * n_in * n_out``; each is one accumulate. A dendritic neuron reads every input on exactly one branch, so
+its synapses
+count once. A lateral spike at step tau reaches its neighbours at tau + 1, so ``(T - 1) * rate * connections``. An
+artificial
 layer does ``n_in * n_out`` multiply-accumulates (MACs).
 """
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 MAC_PICOJOULE = 4.6
 ACCUMULATE_PICOJOULE = 0.9
 ASSUMPTIONS = (
     "45 nm CMOS, 32-bit floating point: 4.6 pJ a multiply-accumulate (MAC), 0.9 pJ an accumulate (AC).",
-    "Counted for a spiking actor: one AC per synaptic operation (input spikes times fan-out, summed over T steps) and per "
+    "Counted for a spiking actor: one AC per synaptic operation (input spikes times fan-out, summed over T steps) "
+    "and per "
     "lateral operation; in the encoder 2 MACs per receptive field (square, scale; the exponential is free) and, under "
     "deterministic coding, T ACs; in the decoder one MAC per output neuron.",
     "Counted for an artificial actor: one MAC per weight.",
-    "Not counted, for anyone: memory traffic, biases, activation functions, membrane updates and resets, the maximum over "
-    "branches, random numbers, observation normalisation, and SAC's log-std network, which deterministic decisions do not use.",
+    "Not counted, for anyone: memory traffic, biases, activation functions, membrane updates and resets, the maximum "
+    "over "
+    "branches, random numbers, observation normalisation, and SAC's log-std network, which deterministic decisions "
+    "do not use.",
     "Firing rates are those of training batches in the last 10% of the steps, averaged over finished seeds. It is an "
     "estimate of arithmetic, not a measurement of a chip.",
 )
@@ -44,12 +50,14 @@ class Cost(NamedTuple):
 
 def lateral_connections(width: int, radius: int, include_self: bool = False) -> int:
     """Ordered pairs of neurons at index distance 1..radius on a line of ``width`` (ends have fewer neighbours)."""
-    return sum(2 * (width - distance) for distance in range(1, min(radius, width - 1) + 1)) + (width if include_self else 0)
+    return sum(2 * (width - distance) for distance in range(1, min(radius, width - 1) + 1)) + (
+        width if include_self else 0
+    )
 
 
 def mlp_cost(sizes: list[int]) -> Cost:
     """An artificial actor ``sizes[0] -> ... -> sizes[-1]``."""
-    macs = sum(a * b for a, b in zip(sizes, sizes[1:]))
+    macs = sum(a * b for a, b in pairwise(sizes))
     return Cost(0.0, 0.0, 0.0, float(macs), macs, 0)
 
 
@@ -71,10 +79,19 @@ def spiking_cost(config: dict[str, Any], observation_size: int, action_size: int
     synaptic = sum(steps * rate * a * b for rate, a, b in zip(rates, sizes, sizes[1:]))
     lateral, radius = actor["lateral"], int(actor["lateral"]["radius"])
     widths = hidden + ([outputs] if actor["dendritic"].get("output_topology") else [])
-    neighbours = [lateral_connections(width, radius, bool(lateral.get("include_self")) and radius > 0) for width in widths]
+    neighbours = [
+        lateral_connections(width, radius, bool(lateral.get("include_self")) and radius > 0) for width in widths
+    ]
     sideways = sum((steps - 1) * rate * n for rate, n in zip(rates[1:], neighbours))
     coding = steps * inputs if encoder["coding"] == "deterministic" else 0
-    return Cost(synaptic, sideways, float(coding), 2.0 * inputs + outputs, sum(a * b for a, b in zip(sizes, sizes[1:])), sum(neighbours))
+    return Cost(
+        synaptic,
+        sideways,
+        float(coding),
+        2.0 * inputs + outputs,
+        sum(a * b for a, b in pairwise(sizes)),
+        sum(neighbours),
+    )
 
 
 def cost_of(config: dict[str, Any], observation_size: int, action_size: int, rates: list[float]) -> Cost | None:
@@ -84,6 +101,10 @@ def cost_of(config: dict[str, Any], observation_size: int, action_size: int, rat
         return mlp_cost([observation_size, *config["actor"]["hidden_sizes"], action_size])
     if kind != "spiking" or any(rate != rate for rate in rates):
         return None
-    if config["actor"]["dendritic"].get("output_topology") and int(config["actor"]["lateral"]["radius"]) > 0 and len(rates) < 4:
+    if (
+        config["actor"]["dendritic"].get("output_topology")
+        and int(config["actor"]["lateral"]["radius"]) > 0
+        and len(rates) < 4
+    ):
         return None  # the output population's own rate is needed for its lateral operations
     return spiking_cost(config, observation_size, action_size, rates)

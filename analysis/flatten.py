@@ -23,7 +23,9 @@ def flatten(tree: dict[str, Any], prefix: str = "") -> dict[str, Any]:
     return flat
 
 
-def differing_keys(a: dict[str, Any], b: dict[str, Any], ignore: frozenset[str] = IDENTITY) -> list[tuple[str, Any, Any]]:
+def differing_keys(
+    a: dict[str, Any], b: dict[str, Any], ignore: frozenset[str] = IDENTITY
+) -> list[tuple[str, Any, Any]]:
     """Sorted ``(key, value in a, value in b)`` where two nested configurations differ, but for identity and logging."""
     left, right = flatten(a), flatten(b)
     keys = sorted((left.keys() | right.keys()) - ignore)

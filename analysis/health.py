@@ -1,6 +1,7 @@
 """Spiking health over training: firing rates, surrogate-window share, always-on and never-on neurons per layer.
 
-Spiking actors fail by saturation: the membrane drifts past the threshold, nothing lies inside the surrogate window, and the
+Spiking actors fail by saturation: the membrane drifts past the threshold, nothing lies inside the surrogate window,
+and the
 gradient is zero. So the report shows these columns of ``training.csv`` and names the runs that look saturated.
 """
 
@@ -29,16 +30,20 @@ def layers_of(training: pd.DataFrame) -> list[int]:
     return sorted(int(match.group(1)) for match in found if match)
 
 
-def over_training(study: Study) -> pd.DataFrame:
-    """Mean over all runs of an arm by step, long: ``algo, env, arm, layer, measure, step, value, n``; layer 0 is the input."""
-    training, columns = study.training, []
+def over_training(study: Study, algo: str) -> pd.DataFrame:
+    """Mean over all runs of an arm by step, long: ``algo, env, arm, layer, measure, step, value, n``; layer 0 is the
+    input.
+    """
+    training = study.training[study.training["algo"] == algo]
     columns = [(0, "firing_rate", "input_firing_rate")] if "input_firing_rate" in training else []
     columns += [(layer, measure, f"layer{layer}_{measure}") for layer in layers_of(training) for measure in MEASURES]
     parts = []
     for layer, measure, column in columns:
         if column not in training or not training[column].notna().any():
             continue
-        grouped = training.dropna(subset=[column]).groupby(["algo", "env", "arm", "step"])[column].agg(["mean", "count"])
+        grouped = (
+            training.dropna(subset=[column]).groupby(["algo", "env", "arm", "step"])[column].agg(["mean", "count"])
+        )
         part = grouped.reset_index().rename(columns={"mean": "value", "count": "n"})
         parts.append(part.assign(layer=layer, measure=measure))
     names = ["algo", "env", "arm", "layer", "measure", "step", "value", "n"]
@@ -60,7 +65,9 @@ def final_health(study: Study) -> pd.DataFrame:
     runs, rows = late(study), []
     for (algo, env, arm), group in runs.groupby(["algo", "env", "arm"], sort=False):
         for layer in layers_of(study.training):
-            values = {measure: group.get(f"layer{layer}_{measure}", pd.Series(dtype=float)).mean() for measure in MEASURES}
+            values = {
+                measure: group.get(f"layer{layer}_{measure}", pd.Series(dtype=float)).mean() for measure in MEASURES
+            }
             if not np.isnan(values["firing_rate"]):
                 rows.append({"algo": algo, "env": env, "arm": arm, "layer": layer, "n": len(group), **values})
     return pd.DataFrame(rows, columns=["algo", "env", "arm", "layer", "n", *MEASURES])
@@ -74,7 +81,8 @@ def saturated(study: Study) -> list[str]:
         dead = [f"layer {layer} ({share:.1%})" for layer, share in shares.items() if share < SATURATED_BELOW]
         if dead:
             sentences.append(
-                f"{run['algo']}/{run['env']}/{run['arm']}, seed {run['seed']}: almost no neuron lies inside the surrogate window "
+                f"{run['algo']}/{run['env']}/{run['arm']}, seed {run['seed']}: almost no neuron lies inside the "
+                f"surrogate window "
                 f"at the end of training in {', '.join(dead)}: the layer is saturated or silent and passes no gradient."
             )
     return sentences

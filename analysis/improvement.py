@@ -12,7 +12,9 @@ Array = NDArray[np.float64]
 
 
 def probability_of_improvement(x: Sequence[Array], y: Sequence[Array]) -> float:
-    """P(a seed of X beats a seed of Y), ties half, averaged over tasks; one array ``[seeds]`` per task (Agarwal et al. 2021)."""
+    """P(a seed of X beats a seed of Y), ties half, averaged over tasks; one array ``[seeds]`` per task (Agarwal et
+    al. 2021).
+    """
     values = [
         float(rliable_metrics.probability_of_improvement(np.asarray(a)[:, None], np.asarray(b)[:, None]))
         for a, b in zip(x, y, strict=True)

@@ -33,7 +33,9 @@ class Maximum(NamedTuple):
 
 
 def seed_matrix(evaluations: pd.DataFrame) -> tuple[NDArray[np.int64], Array, NDArray[np.int64]]:
-    """Long rows ``(seed, step, return)`` of one cell -> steps ``[s]``, returns ``[seeds, s]``, seeds ``[seeds]``, both sorted."""
+    """Long rows ``(seed, step, return)`` of one cell -> steps ``[s]``, returns ``[seeds, s]``, seeds ``[seeds]``,
+    both sorted.
+    """
     table = evaluations.pivot(index="seed", columns="step", values="return").sort_index().sort_index(axis=1)
     return table.columns.to_numpy(dtype=np.int64), table.to_numpy(dtype=float), table.index.to_numpy(dtype=np.int64)
 
@@ -41,7 +43,9 @@ def seed_matrix(evaluations: pd.DataFrame) -> tuple[NDArray[np.int64], Array, ND
 def mean_curve(returns: Array) -> Curve:
     """Mean, standard deviation (ddof=1) and number of seeds at each step of ``returns [seeds, steps]``."""
     frame = pd.DataFrame(returns)
-    return Curve(frame.mean().to_numpy(float), frame.std(ddof=1).to_numpy(float), frame.count().to_numpy(np.int64))
+    return Curve(
+        frame.mean().to_numpy(float), frame.std(ddof=1).to_numpy(float), frame.count().to_numpy().astype(np.int64)
+    )
 
 
 def half_std(returns: Array) -> Array:
@@ -67,13 +71,16 @@ def smooth(values: Array, window: int = SMOOTHING_WINDOW) -> Array:
     reach = np.minimum(window // 2, np.minimum(at, len(values) - 1 - at))
     low, high = at - reach, at + reach + 1
     with np.errstate(invalid="ignore"):
-        return np.asarray((sums[high] - sums[low]) / np.where(counts[high] > counts[low], counts[high] - counts[low], np.nan))
+        return np.asarray(
+            (sums[high] - sums[low]) / np.where(counts[high] > counts[low], counts[high] - counts[low], np.nan)
+        )
 
 
 def max_of_mean(steps: NDArray[np.int64], returns: Array) -> Maximum:
     """Largest value of the seeds' mean curve, and the standard deviation over seeds at that step.
 
-    Only steps at which every seed was evaluated take part: a mean over fewer seeds is another quantity. All NaN if there is none.
+    Only steps at which every seed was evaluated take part: a mean over fewer seeds is another quantity. All NaN if
+    there is none.
     """
     shared = ~np.isnan(returns).any(axis=0) if len(returns) else np.zeros(len(steps), dtype=bool)
     if not shared.any():

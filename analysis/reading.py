@@ -1,6 +1,7 @@
 """One run directory, read with suspicion: what ``docs/run-directory.md`` promises is checked, nothing is guessed.
 
-A file that is damaged in a way that could move a number makes the run unreadable (it is listed, and counts nowhere); what a
+A file that is damaged in a way that could move a number makes the run unreadable (it is listed, and counts nowhere);
+what a
 kill can leave behind (a torn last line, a half-written evaluation) is left out with a note.
 """
 
@@ -74,7 +75,9 @@ def read_run(folder: Path, path: str) -> Run:
         )
         counts_as = "unfinished"
     if counts_as == "diverged" and last < 0:
-        notes.append("it diverged before its first evaluation, so there is no value to carry forward; it counts as unfinished")
+        notes.append(
+            "it diverged before its first evaluation, so there is no value to carry forward; it counts as unfinished"
+        )
         counts_as = "unfinished"
     return Run(path, manifest, config, counts_as, evaluations, training, tuple(notes))
 
@@ -109,7 +112,9 @@ def _config(folder: Path) -> dict[str, Any]:
         raise UnreadableRunError("it has no config.yaml") from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise UnreadableRunError(f"its config.yaml cannot be read ({type(error).__name__})") from None
-    if not isinstance(config, dict) or not all(isinstance(config.get(k), dict) for k in ("actor", "env", "algo", "protocol")):
+    if not isinstance(config, dict) or not all(
+        isinstance(config.get(k), dict) for k in ("actor", "env", "algo", "protocol")
+    ):
         raise UnreadableRunError("its config.yaml is not a resolved configuration with actor, algo, env and protocol")
     return config
 
@@ -139,11 +144,15 @@ def _whole_lines(path: Path, notes: list[str]) -> list[str]:
 
 def _evaluations(path: Path, episodes: int, notes: list[str]) -> pd.DataFrame:
     lines = _whole_lines(path, notes)
-    empty = pd.DataFrame({"step": [], "return": [], "length": [], "episodes": []}).astype({"step": int, "episodes": int})
+    empty = pd.DataFrame({"step": [], "return": [], "length": [], "episodes": []}).astype(
+        {"step": int, "episodes": int}
+    )
     if not lines:
         return empty
     if lines[0].split(",") != EVALUATION_COLUMNS:
-        raise UnreadableRunError(f"its evaluations.csv begins with {lines[0][:60]!r}, not {','.join(EVALUATION_COLUMNS)}")
+        raise UnreadableRunError(
+            f"its evaluations.csv begins with {lines[0][:60]!r}, not {','.join(EVALUATION_COLUMNS)}"
+        )
     if len(lines) == 1:
         return empty
     rows = pd.read_csv(io.StringIO("\n".join(lines)), float_precision="round_trip")
@@ -156,7 +165,9 @@ def _evaluations(path: Path, episodes: int, notes: list[str]) -> pd.DataFrame:
         rows = rows.drop_duplicates(EVALUATION_COLUMNS)
         if rows.duplicated(["step", "episode"]).any():
             step = int(rows[rows.duplicated(["step", "episode"])]["step"].iloc[0])
-            raise UnreadableRunError(f"its evaluations.csv has an episode of step {step:,} twice, with different returns")
+            raise UnreadableRunError(
+                f"its evaluations.csv has an episode of step {step:,} twice, with different returns"
+            )
         notes.append(f"{before - len(rows)} repeated row(s) of evaluations.csv were left out")
     # reduceat keeps NaN (groupby.mean would skip it): one non-finite episode makes the evaluation non-finite
     rows = rows.sort_values(["step", "episode"])
@@ -168,7 +179,9 @@ def _evaluations(path: Path, episodes: int, notes: list[str]) -> pd.DataFrame:
     partial = table["episodes"] < episodes
     if partial.any():
         where = ", ".join(f"{step:,}" for step in table.loc[partial, "step"].head(3))
-        notes.append(f"{int(partial.sum())} evaluation(s) with fewer than {episodes} episodes were left out (step {where})")
+        notes.append(
+            f"{int(partial.sum())} evaluation(s) with fewer than {episodes} episodes were left out (step {where})"
+        )
     return table[~partial].reset_index(drop=True)
 
 
@@ -177,7 +190,9 @@ def _training(path: Path, notes: list[str]) -> pd.DataFrame:
     if len(lines) < 2 or "step" not in lines[0].split(","):
         return pd.DataFrame({"step": pd.Series(dtype=int)})
     frame = pd.read_csv(io.StringIO("\n".join(lines)), float_precision="round_trip")
-    words = [column for column in frame.columns if frame[column].dtype.kind not in "iuf" and frame[column].notna().any()]
+    words = [
+        column for column in frame.columns if frame[column].dtype.kind not in "iuf" and frame[column].notna().any()
+    ]
     if words:
         raise UnreadableRunError(f"its training.csv holds something that is no number in column {words[0]}")
     return frame.drop_duplicates("step", keep="last").sort_values("step").reset_index(drop=True)

@@ -69,7 +69,10 @@ def _inlined(figure: dict[str, Any], folder: Path) -> dict[str, Any]:
         return figure
     content = (folder / f"{figure['name']}.png").read_bytes()
     width = int.from_bytes(content[16:20], "big")  # of the IHDR chunk, which every PNG begins with
-    return figure | {"uri": "data:image/png;base64," + base64.b64encode(content).decode("ascii"), "width": round(width * CSS_SCALE)}
+    return figure | {
+        "uri": "data:image/png;base64," + base64.b64encode(content).decode("ascii"),
+        "width": round(width * CSS_SCALE),
+    }
 
 
 def _read(folder: Path, stage: str, name: str) -> Any:

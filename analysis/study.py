@@ -1,7 +1,9 @@
 """All run directories of a study as three tidy frames, checked against one another.
 
-An *arm* is what a reader compares: a label under the task's own spike coding. A run of the paper's actor whose keys were
-changed, or under the other coding, is an arm of its own name and never passes for the paper's actor (``paper`` is false).
+An *arm* is what a reader compares: a label under the task's own spike coding. A run of the paper's actor whose keys
+were
+changed, or under the other coding, is an arm of its own name and never passes for the paper's actor (``paper`` is
+false).
 """
 
 from __future__ import annotations
@@ -19,10 +21,35 @@ from analysis.reading import Run, UnreadableRunError, read_run
 
 KEYS = ["algo", "env", "arm", "seed"]
 RUN_COLUMNS = [
-    *KEYS, "label", "actor", "encoder", "paper", "counts_as", "status", "step", "total_steps", "horizon", "evaluations", "path",
-    "cell_hash", "configuration_hash", "engine", "changed_keys", "observation_size", "action_size", "actor_parameters",
-    "critic_parameters", "wall_time_seconds", "times_resumed", "commit", "dirty", "processor", "threads", "device", "versions",
-]  # fmt: skip
+    *KEYS,
+    "label",
+    "actor",
+    "encoder",
+    "paper",
+    "counts_as",
+    "status",
+    "step",
+    "total_steps",
+    "horizon",
+    "evaluations",
+    "path",
+    "cell_hash",
+    "configuration_hash",
+    "engine",
+    "changed_keys",
+    "observation_size",
+    "action_size",
+    "actor_parameters",
+    "critic_parameters",
+    "wall_time_seconds",
+    "times_resumed",
+    "commit",
+    "dirty",
+    "processor",
+    "threads",
+    "device",
+    "versions",
+]
 EVALUATION_COLUMNS = [*KEYS, "step", "return", "length", "counts_as", "carried"]
 LAYOUT = "<algo>/<env>/<label>/<encoder>/seed_<k>"
 
@@ -111,7 +138,9 @@ def _refuse_mixed_cells(runs: list[Run]) -> None:
         if run.manifest["cell_hash"] == other.manifest["cell_hash"]:
             continue
         differences = differing_keys(_described(other), _described(run))
-        shown = "; ".join(f"{key}: {old} against {new}" for key, old, new in differences) or "no key of config.yaml differs"
+        shown = (
+            "; ".join(f"{key}: {old} against {new}" for key, old, new in differences) or "no key of config.yaml differs"
+        )
         raise InputError(
             f"runs/{cell} mixes two configurations: {other.path.rpartition('/')[2]} and {seed} differ in {shown}. "
             "Move one of them to a label or a study of its own."
@@ -141,7 +170,10 @@ def _assemble(name: str, runs: list[Run], notes: list[str]) -> Study:
     for run in runs:
         place = (run.manifest["algo"], run.manifest["env"])
         horizons[place] = max(horizons.get(place, 0), run.manifest["total_steps"])
-    rows, evaluations, training, configurations = [], [], [], {}
+    rows: list[dict[str, Any]] = []
+    evaluations: list[pd.DataFrame] = []
+    training: list[pd.DataFrame] = []
+    configurations: dict[str, dict[str, Any]] = {}
     for run in runs:
         m = run.manifest
         horizon, counts_as = horizons[m["algo"], m["env"]], run.counts_as
@@ -155,12 +187,18 @@ def _assemble(name: str, runs: list[Run], notes: list[str]) -> Study:
         keys = {"algo": m["algo"], "env": m["env"], "arm": arm, "seed": m["seed"]}
         parameters = m.get("parameters") or {}
         values = {
-            **{column: m.get(column) for column in RUN_COLUMNS}, **keys, "paper": paper, "counts_as": counts_as,
-            "horizon": horizon, "evaluations": len(run.evaluations), "path": run.path,
+            **{column: m.get(column) for column in RUN_COLUMNS},
+            **keys,
+            "paper": paper,
+            "counts_as": counts_as,
+            "horizon": horizon,
+            "evaluations": len(run.evaluations),
+            "path": run.path,
             "changed_keys": json.dumps(m.get("changed_keys") or {}, sort_keys=True),
             "versions": json.dumps(m.get("versions") or {}, sort_keys=True),
-            "actor_parameters": parameters.get("actor"), "critic_parameters": parameters.get("critic"),
-        }  # fmt: skip
+            "actor_parameters": parameters.get("actor"),
+            "critic_parameters": parameters.get("critic"),
+        }
         rows.append(values)
         evaluations.append(_with_carried(run, counts_as, horizon).assign(**keys))
         training.append(run.training.assign(**keys))
@@ -177,7 +215,9 @@ def _assemble(name: str, runs: list[Run], notes: list[str]) -> Study:
 
 
 def _with_carried(run: Run, counts_as: str, horizon: int) -> pd.DataFrame:
-    """The evaluations; for a diverged run also its last one, repeated up to the horizon (METHOD: a diverged run counts)."""
+    """The evaluations; for a diverged run also its last one, repeated up to the horizon (METHOD: a diverged run
+    counts).
+    """
     table = run.evaluations[["step", "return", "length"]].assign(counts_as=counts_as, carried=False)
     if counts_as != "diverged":
         return table

@@ -1,4 +1,6 @@
-"""One look for all figures: Okabe and Ito's colours (safe for colour-blind readers), distinct in grey by line, marker and hatch."""
+"""One look for all figures: Okabe and Ito's colours (safe for colour-blind readers), distinct in grey by line,
+marker and hatch.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,7 @@ from matplotlib.ticker import FuncFormatter
 
 from analysis.names import ACTORS
 
-RC: dict[str, Any] = {
+RC: Any = {
     "font.family": "DejaVu Sans", "font.size": 8, "axes.titlesize": 9, "axes.labelsize": 8, "legend.fontsize": 8,
     "xtick.labelsize": 7, "ytick.labelsize": 7, "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True,
     "grid.alpha": 0.25, "grid.linewidth": 0.5, "lines.linewidth": 1.4, "legend.frameon": False, "pdf.fonttype": 42,
@@ -84,4 +86,10 @@ def legend_below(figure: Figure, axes: list[Axes], columns: int = 3) -> None:
         for handle, label in zip(*axis.get_legend_handles_labels()):
             entries.setdefault(label, handle)
     if entries:
-        figure.legend(entries.values(), entries.keys(), loc="outside lower center", ncols=min(columns, len(entries)), handlelength=3.2)
+        figure.legend(
+            entries.values(),
+            entries.keys(),
+            loc="outside lower center",
+            ncols=min(columns, len(entries)),
+            handlelength=3.2,
+        )

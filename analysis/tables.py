@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,10 +13,29 @@ import pandas as pd
 from analysis.writing import write_csv, write_text
 
 _LATEX = {
-    "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
-    "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": r"\textless{}", ">": r"\textgreater{}", "±": r"$\pm$", "–": "--",
-    "−": "$-$", "×": r"$\times$", "[": "{[}", "]": "{]}",
-}  # fmt: skip
+    "\\": r"\textbackslash{}",
+    "&": r"\&",
+    "%": r"\%",
+    "$": r"\$",
+    "#": r"\#",
+    "_": r"\_",
+    "{": r"\{",
+    "}": r"\}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    "<": r"\textless{}",
+    ">": r"\textgreater{}",
+    "±": r"$\pm$",
+    "–": "--",
+    "−": "$-$",
+    "×": r"$\times$",
+    "[": "{[}",
+    "]": "{]}",
+}
+
+
+#: Key of the frame, header, how to print a value.
+Column = tuple[str, str, Callable[[Any], str]]
 
 
 @dataclass
@@ -36,7 +55,7 @@ class Table:
     title: str
     caption: str
     frame: pd.DataFrame
-    columns: list[tuple[str, str, Callable[[Any], str]]]
+    columns: Sequence[Column]
     empty: str = "Nothing to show."
     folded: bool = False
     extra: dict[str, Any] = field(default_factory=dict)
@@ -59,20 +78,35 @@ class Table:
     def as_dict(self) -> dict[str, Any]:
         """For ``tables.json``."""
         return {
-            "name": self.name, "section": self.section, "title": self.title, "caption": self.caption, "headers": self.headers(),
-            "numeric": self.numeric(), "rows": self.rows(), "empty": self.empty, "folded": self.folded, **self.extra,
-        }  # fmt: skip
+            "name": self.name,
+            "section": self.section,
+            "title": self.title,
+            "caption": self.caption,
+            "headers": self.headers(),
+            "numeric": self.numeric(),
+            "rows": self.rows(),
+            "empty": self.empty,
+            "folded": self.folded,
+            **self.extra,
+        }
 
     def latex(self) -> str:
-        """A ``table`` environment with booktabs rules; needs ``\\usepackage{booktabs}``."""
+        r"""A ``table`` environment with booktabs rules; needs ``\usepackage{booktabs}``."""
         align = "".join("r" if number else "l" for number in self.numeric())
         lines = [
-            "\\begin{table}", "\\centering", f"\\caption{{{escape_latex(self.title + '. ' + self.caption)}}}",
-            f"\\label{{tab:{self.name.replace('_', '-')}}}", f"\\begin{{tabular}}{{{align}}}", "\\toprule",
-            " & ".join(map(escape_latex, self.headers())) + r" \\", "\\midrule",
+            "\\begin{table}",
+            "\\centering",
+            f"\\caption{{{escape_latex(self.title + '. ' + self.caption)}}}",
+            f"\\label{{tab:{self.name.replace('_', '-')}}}",
+            f"\\begin{{tabular}}{{{align}}}",
+            "\\toprule",
+            " & ".join(map(escape_latex, self.headers())) + r" \\",
+            "\\midrule",
             *(" & ".join(map(escape_latex, row)) + r" \\" for row in self.rows()),
-            "\\bottomrule", "\\end{tabular}", "\\end{table}",
-        ]  # fmt: skip
+            "\\bottomrule",
+            "\\end{tabular}",
+            "\\end{table}",
+        ]
         return "\n".join(lines) + "\n"
 
     def save(self, folder: Path) -> None:

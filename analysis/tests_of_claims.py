@@ -1,6 +1,7 @@
 """Welch's test as a contrast of means, Holm's correction, and the seeds that a test would need.
 
-A contrast is ``L = sum_i c_i mean_i`` over independent arms with unequal variances. With ``c = (1, -1)`` it is Welch's test
+A contrast is ``L = sum_i c_i mean_i`` over independent arms with unequal variances. With ``c = (1, -1)`` it is
+Welch's test
 (the tests compare it with SciPy's); with ``(1, -1, -1, 1)`` the interaction of a 2x2 design. Standard error
 ``SE^2 = sum_i c_i^2 s_i^2 / n_i``; degrees of freedom by Welch and Satterthwaite,
 ``df = SE^4 / sum_i (c_i^2 s_i^2 / n_i)^2 / (n_i - 1)``.
@@ -61,7 +62,9 @@ def holm(p_values: Array, alpha: float = 0.05) -> Array:
 
 
 def power(n: int, estimate: float, stds: Array, weights: Sequence[float], alpha: float) -> float:
-    """Power of the two-sided contrast test with ``n`` seeds in every arm, if the observed means and ``stds [arms]`` were true."""
+    """Power of the two-sided contrast test with ``n`` seeds in every arm, if the observed means and ``stds [arms]``
+    were true.
+    """
     parts = np.array([c**2 * s**2 for c, s in zip(weights, stds, strict=True)]) / n
     df = float(parts.sum() ** 2 / (parts**2).sum() * (n - 1))
     shift, bound = abs(estimate) / float(np.sqrt(parts.sum())), float(scipy.stats.t.ppf(1 - alpha / 2, df))
@@ -98,7 +101,9 @@ def seeds_for_power(
 
 
 def verdict(adjusted_p: float, estimate: float, alpha: float = 0.05) -> str:
-    """METHOD's rule: ``supported`` if adjusted p < alpha in the claimed direction, ``contradicted`` in the other, else ``undecided``."""
+    """METHOD's rule: ``supported`` if adjusted p < alpha in the claimed direction, ``contradicted`` in the other,
+    else ``undecided``.
+    """
     if np.isnan(adjusted_p) or not adjusted_p < alpha:
         return "undecided"
     return "supported" if estimate > 0 else "contradicted"

@@ -2,8 +2,10 @@
 
     python benchmarks/random_policy.py            # 100 episodes a task, about a minute; prints YAML
 
-Actions are uniform in the action box, episodes end at termination or after ``max_episode_steps``; the environment and the
-actions are seeded with 0, so the same Gymnasium and MuJoCo give the same numbers. The values stand, with their n and standard
+Actions are uniform in the action box, episodes end at termination or after ``max_episode_steps``; the environment
+and the
+actions are seeded with 0, so the same Gymnasium and MuJoCo give the same numbers. The values stand, with their n and
+standard
 deviation, in ``analysis/reference_scores.yaml``. Tasks and their options are read from ``conf/env``.
 """
 

@@ -1,4 +1,6 @@
-"""The figures stage. To add a figure: a file here with a function ``(study, cells, algo) -> list[Drawing]``, and a line below."""
+"""The figures stage. To add a figure: a file here with a function ``(study, cells, algo) -> list[Drawing]``, and a
+line below.
+"""
 
 from __future__ import annotations
 

@@ -19,8 +19,10 @@ def draw(study: Study, cells: list[Cell], algo: str) -> list[Drawing]:
     """``ablation-<algo>``; its CSV has both readings, the bars are ``max_of_mean``."""
     name, title = f"ablation-{algo}", f"Ablation, {algorithm_name(algo)}: max average return"
     caption = (
-        "Bars: max_of_mean, the largest value of the seeds' mean curve; whiskers: the standard deviation over seeds at that step (ddof=1, "
-        "none for a single seed); dots: the seeds at that step. Nothing is smoothed. The other reading, mean_of_max, stands in the CSV and "
+        "Bars: max_of_mean, the largest value of the seeds' mean curve; whiskers: the standard deviation over seeds "
+        "at that step (ddof=1, "
+        "none for a single seed); dots: the seeds at that step. Nothing is smoothed. The other reading, mean_of_max, "
+        "stands in the CSV and "
         "in the table “Max average return”. Finished runs, and diverged ones with their last value carried forward."
     )
     here = [cell for cell in select(cells, algo) if cell.arm in ARMS and cell.n]
@@ -37,7 +39,16 @@ def draw(study: Study, cells: list[Cell], algo: str) -> list[Drawing]:
                 continue
             cell, look = found[0], style[arm]
             best, each = metrics.max_of_mean(cell.steps, cell.returns), metrics.mean_of_max(cell.returns)
-            axis.bar(place, best.value, width=0.66, color=look.color, alpha=0.45, edgecolor="black", linewidth=0.8, hatch=look.hatch)
+            axis.bar(
+                place,
+                best.value,
+                width=0.66,
+                color=look.color,
+                alpha=0.45,
+                edgecolor="black",
+                linewidth=0.8,
+                hatch=look.hatch,
+            )
             if not np.isnan(best.std):
                 axis.errorbar(place, best.value, yerr=best.std, color="black", capsize=3, linewidth=1)
             points = cell.returns[:, cell.steps == best.step].ravel()
@@ -45,12 +56,22 @@ def draw(study: Study, cells: list[Cell], algo: str) -> list[Drawing]:
             axis.scatter(place + offsets, points, s=9, color="white", edgecolor="black", linewidth=0.6, zorder=3)
             rows.append(
                 {
-                    "env": env, "arm": arm, "n": cell.n, "max_of_mean": best.value, "max_of_mean_std": best.std, "step": best.step,
-                    "mean_of_max": each.value, "mean_of_max_std": each.std, "seeds": " ".join(map(repr, points.tolist())),
-                }  # fmt: skip
+                    "env": env,
+                    "arm": arm,
+                    "n": cell.n,
+                    "max_of_mean": best.value,
+                    "max_of_mean_std": best.std,
+                    "step": best.step,
+                    "mean_of_max": each.value,
+                    "mean_of_max_std": each.std,
+                    "seeds": " ".join(map(repr, points.tolist())),
+                }
             )
         counts = [str(found[0].n) if (found := select(here, env=env, arm=arm)) else "0" for arm in ARMS]
-        axis.set_xticks(range(len(ARMS)), [f"{actor_name(arm).replace(' w/o', chr(10) + 'w/o')}\nn={n}" for arm, n in zip(ARMS, counts)])
+        axis.set_xticks(
+            range(len(ARMS)),
+            [f"{actor_name(arm).replace(' w/o', chr(10) + 'w/o')}\nn={n}" for arm, n in zip(ARMS, counts)],
+        )
         axis.set_xlim(-0.6, len(ARMS) - 0.4)
         axis.grid(False, axis="x")
         axis.set_title(task_name(env))

@@ -34,7 +34,9 @@ class Drawing:
     missing: str = ""
 
     def __post_init__(self) -> None:
-        self.name = re.sub(r"[^A-Za-z0-9_.=-]", "_", self.name)  # it becomes a file name, and may hold a key from a manifest
+        self.name = re.sub(
+            r"[^A-Za-z0-9_.=-]", "_", self.name
+        )  # it becomes a file name, and may hold a key from a manifest
 
     def save(self, folder: Path) -> None:
         """``<name>.pdf``, ``.png`` and ``.csv``, the CSV of exactly what is drawn; then close the figure."""
@@ -53,6 +55,10 @@ class Drawing:
     def as_dict(self) -> dict[str, Any]:
         """For ``figures.json``."""
         return {
-            "name": self.name, "title": self.title, "caption": self.caption, "section": self.section,
-            "drawn": self.figure is not None, "missing": self.missing,
-        }  # fmt: skip
+            "name": self.name,
+            "title": self.title,
+            "caption": self.caption,
+            "section": self.section,
+            "drawn": self.figure is not None,
+            "missing": self.missing,
+        }

@@ -18,8 +18,10 @@ def draw(study: Study, cells: list[Cell], algo: str) -> list[Drawing]:
     """``final-<algo>``: seeds as points, the mean as a bar, its 95% bootstrap interval from three seeds on."""
     name, title = f"final-{algo}", f"Final performance by seed, {algorithm_name(algo)}"
     caption = (
-        "Each point is a run: the mean of its evaluations in the last 10% of its steps. Vertical bar: mean over seeds; line: its 95% "
-        f"bootstrap interval (from {MINIMUM_SEEDS} seeds on). Crosses are diverged runs with their last value carried forward."
+        "Each point is a run: the mean of its evaluations in the last 10% of its steps. Vertical bar: mean over "
+        "seeds; line: its 95% "
+        f"bootstrap interval (from {MINIMUM_SEEDS} seeds on). Crosses are diverged runs with their last value "
+        f"carried forward."
     )
     here = [cell for cell in select(cells, algo) if cell.n]
     if not here:
@@ -32,18 +34,28 @@ def draw(study: Study, cells: list[Cell], algo: str) -> list[Drawing]:
         shown = select(here, env=env)
         for place, cell in enumerate(shown):
             arm, look = cell.arm, style[cell.arm]
-            low, high = bootstrap.interval([cell.final], bootstrap.mean) if cell.n >= MINIMUM_SEEDS else (np.nan, np.nan)
+            low, high = (
+                bootstrap.interval([cell.final], bootstrap.mean) if cell.n >= MINIMUM_SEEDS else (np.nan, np.nan)
+            )
             offsets = np.linspace(-0.2, 0.2, cell.n) if cell.n > 1 else np.zeros(1)
             ok = ~cell.diverged
-            axis.scatter(cell.final[ok], place + offsets[ok], s=14, marker=look.marker, color=look.color, alpha=0.75, linewidth=0)
+            axis.scatter(
+                cell.final[ok], place + offsets[ok], s=14, marker=look.marker, color=look.color, alpha=0.75, linewidth=0
+            )
             axis.scatter(cell.final[~ok], place + offsets[~ok], s=18, marker="x", color=look.color, linewidth=1)
             axis.plot([low, high], [place, place], color="black", linewidth=1)
             axis.plot([cell.final.mean()] * 2, [place - 0.3, place + 0.3], color="black", linewidth=1.6)
             rows += [
                 {
-                    "env": env, "arm": arm, "seed": int(seed), "final": float(value), "diverged": bool(bad), "mean": float(cell.final.mean()),
-                    "mean_low": low, "mean_high": high,
-                }  # fmt: skip
+                    "env": env,
+                    "arm": arm,
+                    "seed": int(seed),
+                    "final": float(value),
+                    "diverged": bool(bad),
+                    "mean": float(cell.final.mean()),
+                    "mean_low": low,
+                    "mean_high": high,
+                }
                 for seed, value, bad in zip(cell.seeds, cell.final, cell.diverged)
             ]
         axis.set_yticks(range(len(shown)), [f"{actor_name(cell.arm)} (n={cell.n})" for cell in shown])

@@ -19,12 +19,18 @@ def draw(study: Study, cells: list[Cell], algo: str) -> list[Drawing]:
     name, title = f"intervals-{algo}", f"Over all tasks, {algorithm_name(algo)}"
     tasks, arms = tasks_of(cells, algo), complete_arms(cells, algo)
     caption = (
-        f"Normalised final performance over {', '.join(map(task_name, tasks)) or 'no task'}: 0 a random policy, 100 a published AAN. Points: "
-        "the aggregate; bars: 95% stratified bootstrap intervals over seeds (none below three seeds). Higher is better, except for "
+        f"Normalised final performance over {', '.join(map(task_name, tasks)) or 'no task'}: 0 a random policy, 100 "
+        f"a published AAN. Points: "
+        "the aggregate; bars: 95% stratified bootstrap intervals over seeds (none below three seeds). Higher is "
+        "better, except for "
         "the optimality gap. Only actors with finished runs on all of these tasks are shown."
     )
     if not arms:
-        return [Drawing(name, title, caption, missing="No actor has finished runs on every task that has a reference score.")]
+        return [
+            Drawing(
+                name, title, caption, missing="No actor has finished runs on every task that has a reference score."
+            )
+        ]
     frame, style = table(cells).frame, looks(arms)
     frame = frame[(frame["algo"] == algo) & frame["arm"].isin(arms)].set_index("arm").loc[arms]
     figure, axes = panels(len(METRICS), width=1.9, height=0.8 + 0.26 * len(arms))
@@ -32,7 +38,14 @@ def draw(study: Study, cells: list[Cell], algo: str) -> list[Drawing]:
         for place, arm in enumerate(arms):
             row, look = frame.loc[arm], style[arm]
             if not np.isnan(row[f"{key}_low"]):
-                axis.plot([row[f"{key}_low"], row[f"{key}_high"]], [place, place], color=look.color, linewidth=6, alpha=0.4, solid_capstyle="butt")
+                axis.plot(
+                    [row[f"{key}_low"], row[f"{key}_high"]],
+                    [place, place],
+                    color=look.color,
+                    linewidth=6,
+                    alpha=0.4,
+                    solid_capstyle="butt",
+                )
             axis.plot(row[key], place, marker=look.marker, color=look.color, markersize=5)
         axis.set_yticks(range(len(arms)), list(map(actor_name, arms)) if axis is axes[0] else [""] * len(arms))
         axis.set_ylim(len(arms) - 0.5, -0.5)

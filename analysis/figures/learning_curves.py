@@ -37,17 +37,24 @@ def curve_of(cell: Cell, window: int = metrics.SMOOTHING_WINDOW) -> pd.DataFrame
     smoothed = metrics.smooth(curve.mean, window)
     return pd.DataFrame(
         {
-            "step": steps, "n": curve.n, "mean": curve.mean, "half_std": half, "mean_smoothed": smoothed,
+            "step": steps,
+            "n": curve.n,
+            "mean": curve.mean,
+            "half_std": half,
+            "mean_smoothed": smoothed,
             "half_std_smoothed": np.where(np.isnan(half), np.nan, metrics.smooth(half, window)),
-        }  # fmt: skip
+        }
     )
 
 
 def _drawing(name: str, title: str, cells: list[Cell]) -> Drawing:
     caption = (
-        "Mean over seeds of the evaluation return; shaded: half a standard deviation over seeds (ddof=1, none for a single seed). "
-        f"Smoothed for display with a centred moving average over {metrics.SMOOTHING_WINDOW} evaluations, shortened on both sides alike at the edges. "
-        "Unfinished runs are drawn as far as they went; a thin line marks steps with fewer seeds than n. A diverged run's last value is "
+        "Mean over seeds of the evaluation return; shaded: half a standard deviation over seeds (ddof=1, none for a "
+        "single seed). "
+        f"Smoothed for display with a centred moving average over {metrics.SMOOTHING_WINDOW} evaluations, shortened "
+        f"on both sides alike at the edges. "
+        "Unfinished runs are drawn as far as they went; a thin line marks steps with fewer seeds than n. A diverged "
+        "run's last value is "
         "carried forward."
     )
     cells = [cell for cell in cells if len(cell.all_evaluations)]
@@ -64,7 +71,10 @@ def _drawing(name: str, title: str, cells: list[Cell]) -> Drawing:
             frames.append(curve.assign(env=env, arm=cell.arm))
             _plot(axis, curve, style[cell.arm], actor_name(cell.arm))
         step_axis(axis, max(cell.horizon for cell in select(cells, env=env)))
-        counts = {actor_name(cell.arm): _n(frame) for cell, frame in zip(select(cells, env=env), frames[-len(select(cells, env=env)) :])}
+        counts = {
+            actor_name(cell.arm): _n(frame)
+            for cell, frame in zip(select(cells, env=env), frames[-len(select(cells, env=env)) :])
+        }
         axis.set_title(f"{task_name(env)}\n{_counts(counts)}", fontsize=8)
     for axis in axes[:: min(len(axes), 4)]:
         axis.set_ylabel("Average return")

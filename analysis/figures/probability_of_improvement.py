@@ -20,8 +20,10 @@ def draw(study: Study, cells: list[Cell], algo: str) -> list[Drawing]:
     """``improvement-<algo>``: P(a seed of X beats a seed of Y), ties half."""
     name, title = f"improvement-{algo}", f"Probability of improvement, {algorithm_name(algo)}"
     caption = (
-        "Probability that a run of the first actor ends better than a run of the second, ties half; “all tasks”: the mean over the "
-        "tasks shown. Lines: 95% stratified bootstrap interval (from three seeds in both). At 0.5 neither is better. Final performance."
+        "Probability that a run of the first actor ends better than a run of the second, ties half; “all tasks”: the "
+        "mean over the "
+        "tasks shown. Lines: 95% stratified bootstrap interval (from three seeds in both). At 0.5 neither is better. "
+        "Final performance."
     )
     rows = []
     for claim in read_claims().claims:
@@ -41,7 +43,16 @@ def draw(study: Study, cells: list[Cell], algo: str) -> list[Drawing]:
             enough = min(len(v) for v in (*x, *y)) >= MINIMUM_SEEDS
             low, high = improvement_interval(x, y) if enough else (np.nan, np.nan)
             n = "; ".join(f"{len(a)} against {len(b)}" for a, b in zip(x, y))
-            rows.append({"pair": label, "where": where, "n": n, "probability": probability_of_improvement(x, y), "low": low, "high": high})
+            rows.append(
+                {
+                    "pair": label,
+                    "where": where,
+                    "n": n,
+                    "probability": probability_of_improvement(x, y),
+                    "low": low,
+                    "high": high,
+                }
+            )
     if not rows:
         return [Drawing(name, title, caption, missing="No pair of a claim has finished runs of both actors.")]
     frame = pd.DataFrame(rows)
@@ -52,7 +63,14 @@ def draw(study: Study, cells: list[Cell], algo: str) -> list[Drawing]:
         mine = frame[frame["pair"] == pair].reset_index(drop=True)
         for place, row in mine.iterrows():
             every = row["where"] == "all tasks"
-            axis.plot([row["low"], row["high"]], [place, place], color="#0072B2", linewidth=5 if every else 3, alpha=0.45, solid_capstyle="butt")
+            axis.plot(
+                [row["low"], row["high"]],
+                [place, place],
+                color="#0072B2",
+                linewidth=5 if every else 3,
+                alpha=0.45,
+                solid_capstyle="butt",
+            )
             axis.plot(row["probability"], place, marker="D" if every else "o", color="#0072B2", markersize=5)
         axis.axvline(0.5, color="black", linewidth=0.8, linestyle=(0, (3, 2)))
         axis.set_xlim(-0.03, 1.03)

@@ -20,11 +20,17 @@ def draw(study: Study, cells: list[Cell], algo: str) -> list[Drawing]:
     name, title = f"profile-{algo}", f"Performance profile, {algorithm_name(algo)}"
     tasks, arms = tasks_of(cells, algo), complete_arms(cells, algo)
     caption = (
-        f"Share of runs whose normalised final performance exceeds a threshold, over {', '.join(map(task_name, tasks)) or 'no task'}; a curve "
-        "above another at every threshold is better everywhere. Shaded: pointwise 95% stratified bootstrap interval (from three seeds on)."
+        f"Share of runs whose normalised final performance exceeds a threshold, over "
+        f"{', '.join(map(task_name, tasks)) or 'no task'}; a curve "
+        "above another at every threshold is better everywhere. Shaded: pointwise 95% stratified bootstrap interval "
+        "(from three seeds on)."
     )
     if not arms:
-        return [Drawing(name, title, caption, missing="No actor has finished runs on every task that has a reference score.")]
+        return [
+            Drawing(
+                name, title, caption, missing="No actor has finished runs on every task that has a reference score."
+            )
+        ]
     scores = {arm: [scores_of(cells, algo, arm)[env] for env in tasks] for arm in arms}
     every = np.concatenate([values for arm in arms for values in scores[arm]])
     thresholds = np.linspace(min(0.0, float(np.floor(every.min()))), max(float(np.ceil(every.max())), 10.0), 101)
@@ -37,8 +43,12 @@ def draw(study: Study, cells: list[Cell], algo: str) -> list[Drawing]:
             low, high = bootstrap.profile_interval(scores[arm], thresholds)
             axis.fill_between(thresholds, low, high, color=style[arm].color, alpha=0.13, linewidth=0)
         n = "/".join(str(len(values)) for values in scores[arm])
-        axis.plot(thresholds, curve, color=style[arm].color, linestyle=style[arm].line, label=f"{actor_name(arm)} (n={n})")
-        frames.append(pd.DataFrame({"arm": arm, "n": n, "threshold": thresholds, "share": curve, "low": low, "high": high}))
+        axis.plot(
+            thresholds, curve, color=style[arm].color, linestyle=style[arm].line, label=f"{actor_name(arm)} (n={n})"
+        )
+        frames.append(
+            pd.DataFrame({"arm": arm, "n": n, "threshold": thresholds, "share": curve, "low": low, "high": high})
+        )
     axis.set_xlabel("Normalised score τ")
     axis.set_ylabel("Share of runs with score > τ")
     axis.set_ylim(-0.02, 1.02)

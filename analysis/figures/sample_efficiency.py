@@ -21,12 +21,18 @@ def draw(study: Study, cells: list[Cell], algo: str) -> list[Drawing]:
     name, title = f"efficiency-{algo}", f"Sample efficiency, {algorithm_name(algo)}"
     tasks, arms = tasks_of(cells, algo), complete_arms(cells, algo)
     caption = (
-        f"Interquartile mean of normalised evaluation returns over {', '.join(map(task_name, tasks)) or 'no task'} by step; shaded: 95% "
-        "stratified bootstrap interval over seeds (from three seeds on). Not smoothed. Finished runs and diverged ones; only steps at "
+        f"Interquartile mean of normalised evaluation returns over {', '.join(map(task_name, tasks)) or 'no task'} "
+        f"by step; shaded: 95% "
+        "stratified bootstrap interval over seeds (from three seeds on). Not smoothed. Finished runs and diverged "
+        "ones; only steps at "
         "which all of an actor's runs were evaluated."
     )
     if not arms:
-        return [Drawing(name, title, caption, missing="No actor has finished runs on every task that has a reference score.")]
+        return [
+            Drawing(
+                name, title, caption, missing="No actor has finished runs on every task that has a reference score."
+            )
+        ]
     figure, (axis,) = panels(1, width=4.6, height=2.6)
     style, frames, horizon = looks(arms), [], 0
     for arm in arms:

@@ -12,16 +12,27 @@ from analysis.names import actor_name, algorithm_name, ordered_arms, ordered_tas
 from analysis.study import Study
 from analysis.style import looks, step_axis
 
-_SHORT = {"firing_rate": "Firing rate", "window_share": "Window share", "always_on": "Always on", "never_on": "Never on"}
+_SHORT = {
+    "firing_rate": "Firing rate",
+    "window_share": "Window share",
+    "always_on": "Always on",
+    "never_on": "Never on",
+}
 
 
 def draw(study: Study, cells: list[Cell], algo: str) -> list[Drawing]:
     """``health-<algo>-<task>``; one that says so where no spiking actor has run."""
-    table = over_training(study)
-    table = table[(table["algo"] == algo) & (table["layer"] > 0)]
+    table = over_training(study, algo)
+    table = table[table["layer"] > 0]
     if table.empty:
         return [
-            Drawing(f"health-{algo}", f"Spiking health, {algorithm_name(algo)}", "", "health", missing="No run of a spiking actor has been logged.")
+            Drawing(
+                f"health-{algo}",
+                f"Spiking health, {algorithm_name(algo)}",
+                "",
+                "health",
+                missing="No run of a spiking actor has been logged.",
+            )
         ]
     return [_drawing(study, algo, env, table[table["env"] == env]) for env in ordered_tasks(table["env"])]
 
@@ -31,23 +42,39 @@ def _drawing(study: Study, algo: str, env: str, table: pd.DataFrame) -> Drawing:
     style = looks(arms)
     horizon = int(study.runs.loc[(study.runs["algo"] == algo) & (study.runs["env"] == env), "horizon"].max())
     width, height, below = 2.2 * len(layers) + 0.5, 1.1 * len(MEASURES) + 1.1, 0.55 + 0.18 * -(-len(arms) // 3)
-    figure, axes = plt.subplots(
-        len(MEASURES), len(layers), figsize=(width, height), squeeze=False, sharex=True, sharey="row"
-    )
+    shape = len(MEASURES), len(layers)
+    with plt.rc_context({"figure.constrained_layout.use": False}):
+        figure, axes = plt.subplots(*shape, figsize=(width, height), squeeze=False, sharex=True, sharey="row")
     # placed by hand: automatic layout of so many axes takes longer than drawing them
-    figure.set_layout_engine("none")
-    figure.subplots_adjust(left=0.6 / width, right=1 - 0.15 / width, top=1 - 0.3 / height, bottom=below / height, wspace=0.12, hspace=0.2)
+    figure.subplots_adjust(
+        left=0.6 / width,
+        right=1 - 0.15 / width,
+        top=1 - 0.3 / height,
+        bottom=(below + 0.1) / height,
+        wspace=0.12,
+        hspace=0.2,
+    )
     for row, measure in enumerate(MEASURES):
         for column, layer in enumerate(layers):
             axis = axes[row][column]
             for arm in arms:
-                line = table[(table["arm"] == arm) & (table["layer"] == layer) & (table["measure"] == measure)].sort_values("step")
-                axis.plot(line["step"], line["value"], color=style[arm].color, linestyle=style[arm].line, label=actor_name(arm))
+                line = table[
+                    (table["arm"] == arm) & (table["layer"] == layer) & (table["measure"] == measure)
+                ].sort_values("step")
+                axis.plot(
+                    line["step"],
+                    line["value"],
+                    color=style[arm].color,
+                    linestyle=style[arm].line,
+                    label=actor_name(arm),
+                )
             axis.set_ylim(-0.04, 1.04)
             axis.set_yticks([0, 0.5, 1])
             axis.locator_params(axis="x", nbins=5)
             if row == 0:
-                axis.set_title(f"Layer {layer}" + (" (output population)" if layer == layers[-1] and len(layers) > 1 else ""))
+                axis.set_title(
+                    f"Layer {layer}" + (" (output population)" if layer == layers[-1] and len(layers) > 1 else "")
+                )
             step_axis(axis, horizon)
             if row < len(MEASURES) - 1:
                 axis.set_xlabel("")
@@ -55,8 +82,10 @@ def _drawing(study: Study, algo: str, env: str, table: pd.DataFrame) -> Drawing:
     handles, labels = axes[0][0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="lower center", ncols=min(3, len(arms)), handlelength=3.2, borderaxespad=0.2)
     caption = (
-        "Means over runs of training batches. Window share: (neuron, step) pairs whose membrane lies where the surrogate gradient is not zero; "
-        "always on, never on: neurons that fire at every, or no, step for every sample of a batch. A window share near 0 with many neurons "
+        "Means over runs of training batches. Window share: (neuron, step) pairs whose membrane lies where the "
+        "surrogate gradient is not zero; "
+        "always on, never on: neurons that fire at every, or no, step for every sample of a batch. A window share "
+        "near 0 with many neurons "
         "always on is saturation, the way in which spiking actors fail. Unfinished runs included."
     )
     title = f"Spiking health, {algorithm_name(algo)}, {task_name(env)}"

@@ -1,4 +1,6 @@
-"""A swept key (lateral radius, time steps, branches, ...): final performance against its value, found from the labels' changed keys."""
+"""A swept key (lateral radius, time steps, branches, ...): final performance against its value, found from the
+labels' changed keys.
+"""
 
 from __future__ import annotations
 
@@ -26,29 +28,53 @@ def _points(study: Study, cells: list[Cell]) -> pd.DataFrame:
     """One row per swept key, task, actor and value: variants with that key alone changed, and the unchanged actor."""
     runs, rows = study.runs, []
     changed = {
-        (run.algo, run.env, run.arm): (json.loads(run.changed_keys), run.actor, run.encoder)
+        (run.algo, run.env, run.arm): (json.loads(str(run.changed_keys)), run.actor, run.encoder)
         for run in runs.itertuples()
     }
-    swept = {(cell.algo, cell.env, changed[cell.algo, cell.env, cell.arm][1], next(iter(changed[cell.algo, cell.env, cell.arm][0])))
-             for cell in cells if len(changed[cell.algo, cell.env, cell.arm][0]) == 1}  # fmt: skip
+    swept = {
+        (
+            cell.algo,
+            cell.env,
+            changed[cell.algo, cell.env, cell.arm][1],
+            next(iter(changed[cell.algo, cell.env, cell.arm][0])),
+        )
+        for cell in cells
+        if len(changed[cell.algo, cell.env, cell.arm][0]) == 1
+    }
     for algo, env, actor, key in sorted(swept):
         for cell in select(cells, algo, env):
-            keys, name, encoder = changed[algo, env, cell.arm]
-            if name != actor or not cell.n or (keys and list(keys) != [key]) or (not keys and not cell.paper):
+            keys, name, _ = changed[algo, env, cell.arm]
+            if str(name) != str(actor) or not cell.n or (keys and list(keys) != [key]) or (not keys and not cell.paper):
                 continue
             value = _value(flat_configuration(study, algo, env, cell.arm), key)
             if value is None:
                 continue
-            low, high = bootstrap.interval([cell.final], bootstrap.mean) if cell.n >= MINIMUM_SEEDS else (np.nan, np.nan)
+            low, high = (
+                bootstrap.interval([cell.final], bootstrap.mean) if cell.n >= MINIMUM_SEEDS else (np.nan, np.nan)
+            )
             rows.append(
                 {
-                    "key": key, "env": env, "actor": actor, "arm": cell.arm, "value": value, "n": cell.n, "mean": float(cell.final.mean()),
-                    "low": low, "high": high, "seeds": " ".join(map(repr, cell.final.tolist())),
-                }  # fmt: skip
+                    "key": key,
+                    "env": env,
+                    "actor": actor,
+                    "arm": cell.arm,
+                    "value": value,
+                    "n": cell.n,
+                    "mean": float(cell.final.mean()),
+                    "low": low,
+                    "high": high,
+                    "seeds": " ".join(map(repr, cell.final.tolist())),
+                }
             )
     frame = pd.DataFrame(rows, columns=["key", "env", "actor", "arm", "value", "n", "mean", "low", "high", "seeds"])
-    distinct = frame.groupby(["key", "env", "actor"])["value"].transform("nunique") if len(frame) else pd.Series(dtype=int)
-    return frame[distinct > 1].sort_values(["key", "env", "actor", "value"]).reset_index(drop=True) if len(frame) else frame
+    distinct = (
+        frame.groupby(["key", "env", "actor"])["value"].transform("nunique") if len(frame) else pd.Series(dtype=int)
+    )
+    return (
+        frame[distinct > 1].sort_values(["key", "env", "actor", "value"]).reset_index(drop=True)
+        if len(frame)
+        else frame
+    )
 
 
 def _value(flat: dict[str, object], key: str) -> float | None:
@@ -68,7 +94,15 @@ def _drawing(algo: str, key: str, points: pd.DataFrame) -> Drawing:
         for actor in actors:
             mine = points[(points["env"] == env) & (points["actor"] == actor)]
             look = style[actor]
-            axis.plot(mine["value"], mine["mean"], color=look.color, linestyle=look.line, marker=look.marker, markersize=4, label=actor_name(actor))
+            axis.plot(
+                mine["value"],
+                mine["mean"],
+                color=look.color,
+                linestyle=look.line,
+                marker=look.marker,
+                markersize=4,
+                label=actor_name(actor),
+            )
             axis.vlines(mine["value"], mine["low"], mine["high"], color=look.color, linewidth=1)
             for row in mine.itertuples():
                 seeds = [float(value) for value in str(row.seeds).split()]
@@ -83,7 +117,10 @@ def _drawing(algo: str, key: str, points: pd.DataFrame) -> Drawing:
     if len(actors) > 1:
         figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     caption = (
-        f"Final performance against {key}: mean over seeds, its 95% bootstrap interval (from three seeds on), and the seeds. Runs in which only "
+        f"Final performance against {key}: mean over seeds, its 95% bootstrap interval (from three seeds on), and "
+        f"the seeds. Runs in which only "
         "this key was changed, and the unchanged actor at its own value."
     )
-    return Drawing(f"sweep-{algo}-{key}", f"Return against {key}, {algorithm_name(algo)}", caption, figure=figure, data=points)
+    return Drawing(
+        f"sweep-{algo}-{key}", f"Return against {key}, {algorithm_name(algo)}", caption, figure=figure, data=points
+    )

@@ -1,6 +1,10 @@
-"""Aggregates over tasks of normalised scores (Agarwal et al. 2021): IQM, median, mean, optimality gap, with intervals."""
+"""Aggregates over tasks of normalised scores (Agarwal et al. 2021): IQM, median, mean, optimality gap, with
+intervals.
+"""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -9,7 +13,7 @@ from analysis import bootstrap
 from analysis.cells import Cell, select
 from analysis.names import actor_name, algorithm_name, ordered_arms, task_name
 from analysis.references import normalised, references, scale
-from analysis.tables import Table, pair, text
+from analysis.tables import Column, Table, pair, text
 from analysis.tests_of_claims import MINIMUM_SEEDS
 
 METRICS = {
@@ -52,26 +56,44 @@ def table(cells: list[Cell]) -> Table:
                 continue
             values = [scores[env] for env in tasks if env in scores]
             lacking = [task_name(env) for env in tasks if env not in scores]
-            row = {
-                "algo": algo, "arm": arm, "algorithm": algorithm_name(algo), "actor": actor_name(arm),
-                "n": " / ".join(str(len(v)) for v in values), "tasks": ", ".join(map(task_name, (e for e in tasks if e in scores))),
+            row: dict[str, Any] = {
+                "algo": algo,
+                "arm": arm,
+                "algorithm": algorithm_name(algo),
+                "actor": actor_name(arm),
+                "n": " / ".join(str(len(v)) for v in values),
+                "tasks": ", ".join(map(task_name, (e for e in tasks if e in scores))),
                 "remark": f"not comparable: no finished run on {', '.join(lacking)}" if lacking else "",
-            }  # fmt: skip
+            }
             enough = min(map(len, values)) >= MINIMUM_SEEDS
             for key, (_, statistic) in METRICS.items():
                 low, high = bootstrap.interval(values, statistic) if enough else (np.nan, np.nan)
                 row |= {key: bootstrap.point(values, statistic), f"{key}_low": low, f"{key}_high": high}
                 row[f"{key}_shown"] = pair(row[key], low, high, 1)
             rows.append(row)
-    columns = [
-        ("algorithm", "Algorithm", text), ("actor", "Actor", text), ("tasks", "Over", text), ("n", "n by task", str),
-        *((f"{key}_shown", name, str) for key, (name, _) in METRICS.items()), ("remark", "Remark", text),
-    ]  # fmt: skip
+    columns: list[Column] = [
+        ("algorithm", "Algorithm", text),
+        ("actor", "Actor", text),
+        ("tasks", "Over", text),
+        ("n", "n by task", str),
+        *((f"{key}_shown", name, str) for key, (name, _) in METRICS.items()),
+        ("remark", "Remark", text),
+    ]
     sources = references()["aan_reference"]
     caption = (
-        "Final performance, normalised: 0 is a uniformly random policy (measured by us, 100 episodes), 100 a published artificial "
-        f"network (TD3: {sources['td3']['source']}. SAC: {sources['sac']['source']}). 95% intervals: stratified bootstrap over "
+        "Final performance, normalised: 0 is a uniformly random policy (measured by us, 100 episodes), 100 a "
+        "published artificial "
+        f"network (TD3: {sources['td3']['source']}. SAC: {sources['sac']['source']}). 95% intervals: stratified "
+        f"bootstrap over "
         f"seeds, {bootstrap.REPETITIONS:,} resamples, from {MINIMUM_SEEDS} seeds on. IQM: the middle half of all runs."
     )
     frame = pd.DataFrame(rows) if rows else pd.DataFrame(columns=[key for key, _, _ in columns])
-    return Table("aggregates", "statistics", "Over all tasks", caption, frame, columns, "No finished run on a task with a reference score.")
+    return Table(
+        "aggregates",
+        "statistics",
+        "Over all tasks",
+        caption,
+        frame,
+        columns,
+        "No finished run on a task with a reference score.",
+    )

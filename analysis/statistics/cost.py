@@ -9,15 +9,20 @@ from analysis.energy import ASSUMPTIONS, Cost, cost_of
 from analysis.health import MEASURES, final_health, late
 from analysis.names import actor_name, algorithm_name, ordered_algorithms, ordered_arms, ordered_tasks, task_name
 from analysis.study import Study
-from analysis.tables import Table, number, text
+from analysis.tables import Column, Table, number, text
 
-_WHERE = [("algorithm", "Algorithm", text), ("task", "Task", text), ("actor", "Actor", text)]
+_WHERE: list[Column] = [("algorithm", "Algorithm", text), ("task", "Task", text), ("actor", "Actor", text)]
 
 
 def _named(algo: str, env: str, arm: str) -> dict[str, object]:
     return {
-        "algo": algo, "env": env, "arm": arm, "algorithm": algorithm_name(algo), "task": task_name(env), "actor": actor_name(arm),
-    }  # fmt: skip
+        "algo": algo,
+        "env": env,
+        "arm": arm,
+        "algorithm": algorithm_name(algo),
+        "task": task_name(env),
+        "actor": actor_name(arm),
+    }
 
 
 def _cells(study: Study) -> list[tuple[str, str, str]]:
@@ -28,7 +33,8 @@ def _cells(study: Study) -> list[tuple[str, str, str]]:
 
 def costs(study: Study) -> dict[tuple[str, str, str], Cost | None]:
     """The cost of one decision in each cell; None where it is not known."""
-    rates, found = late(study), {}
+    rates = late(study)
+    found: dict[tuple[str, str, str], Cost | None] = {}
     for algo, env, arm in _cells(study):
         runs = study.runs[(study.runs["algo"] == algo) & (study.runs["env"] == env) & (study.runs["arm"] == arm)]
         config, sizes = study.configurations[f"{algo}/{env}/{arm}"], runs[["observation_size", "action_size"]].iloc[0]
@@ -51,16 +57,27 @@ def energy_table(study: Study) -> Table:
         mlp = found.get((algo, env, "aan"))
         row = {**_named(algo, env, arm), "parameters": runs["actor_parameters"].iloc[0]}
         if cost is not None:
-            row |= cost._asdict() | {"nanojoule": cost.nanojoule, "of_aan": cost.nanojoule / mlp.nanojoule if mlp else np.nan}
+            row |= cost._asdict() | {
+                "nanojoule": cost.nanojoule,
+                "of_aan": cost.nanojoule / mlp.nanojoule if mlp else np.nan,
+            }
         rows.append(row)
-    columns = [
-        *_WHERE, ("parameters", "Parameters", number()), ("connections", "Connections", number()),
-        ("lateral_connections", "Lateral", number()), ("synaptic_operations", "Synaptic operations", number()),
-        ("lateral_operations", "Lateral operations", number()), ("encoder_accumulates", "Encoder ACs", number()), ("macs", "MACs", number()),
-        ("nanojoule", "Energy (nJ)", number(1)), ("of_aan", "Energy / AAN", number(2)),
-    ]  # fmt: skip
+    columns: list[Column] = [
+        *_WHERE,
+        ("parameters", "Parameters", number()),
+        ("connections", "Connections", number()),
+        ("lateral_connections", "Lateral", number()),
+        ("synaptic_operations", "Synaptic operations", number()),
+        ("lateral_operations", "Lateral operations", number()),
+        ("encoder_accumulates", "Encoder ACs", number()),
+        ("macs", "MACs", number()),
+        ("nanojoule", "Energy (nJ)", number(1)),
+        ("of_aan", "Energy / AAN", number(2)),
+    ]
     caption = (
-        "Per decision of the trained policy. " + " ".join(ASSUMPTIONS) + " Connections and parameters of a dendritic layer count its "
+        "Per decision of the trained policy. "
+        + " ".join(ASSUMPTIONS)
+        + " Connections and parameters of a dendritic layer count its "
         "unmasked synapses once. “–”: not known (no finished run with firing rates, or an actor of your own)."
     )
     frame = pd.DataFrame(rows, columns=[*_named("", "", ""), "parameters", *Cost._fields, "nanojoule", "of_aan"])
@@ -71,17 +88,31 @@ def health_table(study: Study) -> Table:
     """Firing and saturation per layer in the last 10% of training."""
     frame = final_health(study)
     frame = frame.assign(
-        algorithm=frame["algo"].map(algorithm_name), task=frame["env"].map(task_name), actor=frame["arm"].map(actor_name)
+        algorithm=frame["algo"].map(algorithm_name),
+        task=frame["env"].map(task_name),
+        actor=frame["arm"].map(actor_name),
     )
-    columns = [
-        *_WHERE, ("layer", "Layer", number()), ("n", "n", number()),
+    columns: list[Column] = [
+        *_WHERE,
+        ("layer", "Layer", number()),
+        ("n", "n", number()),
         *((measure, name[0].upper() + name[1:], number(3)) for measure, name in MEASURES.items()),
-    ]  # fmt: skip
+    ]
     caption = (
-        "Means over finished seeds and the last 10% of the steps; the last layer is the output population. Window share: (neuron, step) "
+        "Means over finished seeds and the last 10% of the steps; the last layer is the output population. Window "
+        "share: (neuron, step) "
         "pairs whose membrane lies where the surrogate gradient is not zero. Near 0, a layer no longer learns."
     )
-    return Table("spiking_health", "health", "Spiking health at the end of training", caption, frame, columns, "No finished spiking run.", True)
+    return Table(
+        "spiking_health",
+        "health",
+        "Spiking health at the end of training",
+        caption,
+        frame,
+        columns,
+        "No finished spiking run.",
+        True,
+    )
 
 
 def throughput_table(study: Study) -> Table:
@@ -92,20 +123,36 @@ def throughput_table(study: Study) -> Table:
         for processor, group in runs.groupby(runs["processor"].fillna("unknown"), sort=True):
             done = group[group["counts_as"] == "finished"]
             training = study.training.merge(group[["algo", "env", "arm", "seed"]], on=["algo", "env", "arm", "seed"])
-            speed = training["steps_per_second"].median() if "steps_per_second" in training and len(training) else np.nan
+            speed = (
+                training["steps_per_second"].median() if "steps_per_second" in training and len(training) else np.nan
+            )
             hours = done["wall_time_seconds"].astype(float).mean() / 3600 if len(done) else np.nan
             threads = ", ".join(str(int(t)) for t in sorted(group["threads"].dropna().unique()))
             devices = ", ".join(sorted(group["device"].dropna().unique()))
             rows.append(
                 {
-                    **_named(algo, env, arm), "processor": processor, "threads": threads, "device": devices, "n": len(group),
-                    "steps_per_second": speed, "hours": hours,
-                }  # fmt: skip
+                    **_named(algo, env, arm),
+                    "processor": processor,
+                    "threads": threads,
+                    "device": devices,
+                    "n": len(group),
+                    "steps_per_second": speed,
+                    "hours": hours,
+                }
             )
-    columns = [
-        *_WHERE, ("processor", "Processor", text), ("device", "Device", text), ("threads", "Threads", str), ("n", "Runs", number()),
-        ("steps_per_second", "Steps per second (median)", number(1)), ("hours", "Hours per finished run", number(2)),
-    ]  # fmt: skip
-    caption = "Environment steps per second of an evaluation interval, evaluation included, median over intervals and runs."
-    frame = pd.DataFrame(rows, columns=[*_named("", "", ""), "processor", "threads", "device", "n", "steps_per_second", "hours"])
+    columns: list[Column] = [
+        *_WHERE,
+        ("processor", "Processor", text),
+        ("device", "Device", text),
+        ("threads", "Threads", str),
+        ("n", "Runs", number()),
+        ("steps_per_second", "Steps per second (median)", number(1)),
+        ("hours", "Hours per finished run", number(2)),
+    ]
+    caption = (
+        "Environment steps per second of an evaluation interval, evaluation included, median over intervals and runs."
+    )
+    frame = pd.DataFrame(
+        rows, columns=[*_named("", "", ""), "processor", "threads", "device", "n", "steps_per_second", "hours"]
+    )
     return Table("throughput", "health", "Training throughput", caption, frame, columns, folded=True)

@@ -10,11 +10,14 @@ from analysis.bootstrap import interval, iqm, point
 from analysis.cells import Cell, select
 from analysis.names import ACTORS, actor_name, algorithm_name, ordered_arms, task_name
 from analysis.references import references
-from analysis.tables import Table, number, pair, spread, text
+from analysis.tables import Column, Table, number, pair, spread, text
 from analysis.tests_of_claims import MINIMUM_SEEDS
 
-_WHERE = [("algorithm", "Algorithm", text), ("task", "Task", text), ("actor", "Actor", text)]
-FINAL = "Final performance: mean of a run's evaluations in the last 10% of its steps; ± one standard deviation over seeds (ddof=1)."
+_WHERE: list[Column] = [("algorithm", "Algorithm", text), ("task", "Task", text), ("actor", "Actor", text)]
+FINAL = (
+    "Final performance: mean of a run's evaluations in the last 10% of its steps; ± one standard deviation over "
+    "seeds (ddof=1)."
+)
 
 
 def _std(values: np.ndarray) -> float:
@@ -27,9 +30,13 @@ def _mean(values: np.ndarray) -> float:
 
 def _names(cell: Cell) -> dict[str, object]:
     return {
-        "algo": cell.algo, "env": cell.env, "arm": cell.arm, "algorithm": algorithm_name(cell.algo),
-        "task": task_name(cell.env), "actor": actor_name(cell.arm),
-    }  # fmt: skip
+        "algo": cell.algo,
+        "env": cell.env,
+        "arm": cell.arm,
+        "algorithm": algorithm_name(cell.algo),
+        "task": task_name(cell.env),
+        "actor": actor_name(cell.arm),
+    }
 
 
 def main_table(cells: list[Cell]) -> Table:
@@ -44,9 +51,12 @@ def main_table(cells: list[Cell]) -> Table:
             if found and not found[0].n:
                 row[arm] = f"none finished ({found[0].unfinished} unfinished)"
         rows.append(row)
-    columns = [*_WHERE[:2], *((arm, actor_name(arm), str) for arm in arms)]
+    columns: list[Column] = [*_WHERE[:2], *((arm, actor_name(arm), str) for arm in arms)]
     frame = pd.DataFrame(rows, columns=["algorithm", "task", *arms])
-    caption = f"{FINAL} n counts finished runs and diverged ones, whose last value is carried forward. Variants stand in the table below."
+    caption = (
+        f"{FINAL} n counts finished runs and diverged ones, whose last value is carried forward. Variants stand in "
+        f"the table below."
+    )
     return Table("main", "main", "Final performance", caption, frame, columns, "No runs yet.")
 
 
@@ -61,18 +71,36 @@ def final_table(cells: list[Cell]) -> Table:
         diverged = int(cell.diverged.sum())
         rows.append(
             {
-                **_names(cell), "n": cell.n, "mean": _mean(cell.final), "std": _std(cell.final), "iqm": centre, "iqm_low": low,
-                "iqm_high": high, "diverged": diverged, "mean_without_diverged": _mean(without), "std_without_diverged": _std(without),
-                "unfinished": cell.unfinished, "total_steps": cell.horizon, "iqm_shown": pair(centre, low, high),
+                **_names(cell),
+                "n": cell.n,
+                "mean": _mean(cell.final),
+                "std": _std(cell.final),
+                "iqm": centre,
+                "iqm_low": low,
+                "iqm_high": high,
+                "diverged": diverged,
+                "mean_without_diverged": _mean(without),
+                "std_without_diverged": _std(without),
+                "unfinished": cell.unfinished,
+                "total_steps": cell.horizon,
+                "iqm_shown": pair(centre, low, high),
                 "shown": spread(_mean(cell.final), _std(cell.final), cell.n),
                 "without": spread(_mean(without), _std(without), len(without)) if diverged else "–",
-            }  # fmt: skip
+            }
         )
-    columns = [
-        *_WHERE, ("total_steps", "Steps", number()), ("shown", "Mean ± std", str), ("iqm_shown", "IQM [95% bootstrap]", str),
-        ("diverged", "Diverged", number()), ("without", "Without diverged", str), ("unfinished", "Unfinished", number()),
-    ]  # fmt: skip
-    caption = f"{FINAL} IQM over seeds with its bootstrap interval, from {MINIMUM_SEEDS} seeds on. Unfinished runs stand in curves only."
+    columns: list[Column] = [
+        *_WHERE,
+        ("total_steps", "Steps", number()),
+        ("shown", "Mean ± std", str),
+        ("iqm_shown", "IQM [95% bootstrap]", str),
+        ("diverged", "Diverged", number()),
+        ("without", "Without diverged", str),
+        ("unfinished", "Unfinished", number()),
+    ]
+    caption = (
+        f"{FINAL} IQM over seeds with its bootstrap interval, from {MINIMUM_SEEDS} seeds on. Unfinished runs stand "
+        f"in curves only."
+    )
     keys = [key for key, _, _ in columns]
     frame = pd.DataFrame(rows) if rows else pd.DataFrame(columns=keys)
     return Table("final_performance", "statistics", "Final performance in full", caption, frame, columns)
@@ -85,17 +113,28 @@ def maxima_table(cells: list[Cell]) -> Table:
         of_mean, of_max = metrics.max_of_mean(cell.steps, cell.returns), metrics.mean_of_max(cell.returns)
         rows.append(
             {
-                **_names(cell), "n": cell.n, "max_of_mean": of_mean.value, "max_of_mean_std": of_mean.std, "max_of_mean_step": of_mean.step,
-                "mean_of_max": of_max.value, "mean_of_max_std": of_max.std,
-                "first": spread(of_mean.value, of_mean.std, cell.n), "second": spread(of_max.value, of_max.std, cell.n),
-            }  # fmt: skip
+                **_names(cell),
+                "n": cell.n,
+                "max_of_mean": of_mean.value,
+                "max_of_mean_std": of_mean.std,
+                "max_of_mean_step": of_mean.step,
+                "mean_of_max": of_max.value,
+                "mean_of_max_std": of_max.std,
+                "first": spread(of_mean.value, of_mean.std, cell.n),
+                "second": spread(of_max.value, of_max.std, cell.n),
+            }
         )
-    columns = [
-        *_WHERE, ("first", "max_of_mean ± std", str), ("max_of_mean_step", "at step", number()), ("second", "mean_of_max ± std", str),
-    ]  # fmt: skip
+    columns: list[Column] = [
+        *_WHERE,
+        ("first", "max_of_mean ± std", str),
+        ("max_of_mean_step", "at step", number()),
+        ("second", "mean_of_max ± std", str),
+    ]
     caption = (
-        "max_of_mean: the largest value of the seeds' mean curve, ± the standard deviation over seeds at that step; the ablation bars "
-        "draw it. mean_of_max: mean over seeds of each seed's own maximum; it rewards noise and is never smaller. Nothing is smoothed."
+        "max_of_mean: the largest value of the seeds' mean curve, ± the standard deviation over seeds at that step; "
+        "the ablation bars "
+        "draw it. mean_of_max: mean over seeds of each seed's own maximum; it rewards noise and is never smaller. "
+        "Nothing is smoothed."
     )
     frame = pd.DataFrame(rows) if rows else pd.DataFrame(columns=[key for key, _, _ in columns])
     return Table("max_average_return", "statistics", "Max average return, both readings", caption, frame, columns)
@@ -105,17 +144,32 @@ def seeds_table(cells: list[Cell]) -> Table:
     """Each run's final performance and own maximum."""
     rows = [
         {
-            **_names(cell), "seed": int(seed), "final": float(final), "maximum": float(np.nanmax(curve)),
+            **_names(cell),
+            "seed": int(seed),
+            "final": float(final),
+            "maximum": float(np.nanmax(curve)),
             "state": "diverged" if diverged else "finished",
-        }  # fmt: skip
+        }
         for cell in cells
         for seed, final, curve, diverged in zip(cell.seeds, cell.final, cell.returns, cell.diverged)
     ]
-    columns = [
-        *_WHERE, ("seed", "Seed", number()), ("final", "Final performance", number()), ("maximum", "Maximum", number()), ("state", "", text),
-    ]  # fmt: skip
+    columns: list[Column] = [
+        *_WHERE,
+        ("seed", "Seed", number()),
+        ("final", "Final performance", number()),
+        ("maximum", "Maximum", number()),
+        ("state", "", text),
+    ]
     frame = pd.DataFrame(rows) if rows else pd.DataFrame(columns=[key for key, _, _ in columns])
-    return Table("seeds", "statistics", "Every seed", "The values that all statistics are computed from.", frame, columns, folded=True)
+    return Table(
+        "seeds",
+        "statistics",
+        "Every seed",
+        "The values that all statistics are computed from.",
+        frame,
+        columns,
+        folded=True,
+    )
 
 
 def published_table(cells: list[Cell]) -> Table:
@@ -124,19 +178,35 @@ def published_table(cells: list[Cell]) -> Table:
     rows = []
     for entry in published["rows"]:
         for env in ("hopper", "walker2d", "halfcheetah", "ant"):
-            found = [cell for cell in select(cells, entry["algo"], env, entry["arm"]) if cell.n and cell.horizon == published["steps"]]
+            found = [
+                cell
+                for cell in select(cells, entry["algo"], env, entry["arm"])
+                if cell.n and cell.horizon == published["steps"]
+            ]
             for cell in found:
                 best = metrics.max_of_mean(cell.steps, cell.returns)
                 rows.append(
                     {
-                        **_names(cell), "final": spread(_mean(cell.final), _std(cell.final), cell.n),
-                        "max": spread(best.value, best.std, cell.n), "published": entry[env], "source": entry["source"],
-                    }  # fmt: skip
+                        **_names(cell),
+                        "final": spread(_mean(cell.final), _std(cell.final), cell.n),
+                        "max": spread(best.value, best.std, cell.n),
+                        "published": entry[env],
+                        "source": entry["source"],
+                    }
                 )
-    columns = [
-        *_WHERE, ("final", "Ours, final", str), ("max", "Ours, max_of_mean", str), ("published", "Published", str), ("source", "Source", text),
-    ]  # fmt: skip
+    columns: list[Column] = [
+        *_WHERE,
+        ("final", "Ours, final", str),
+        ("max", "Ours, max_of_mean", str),
+        ("published", "Published", str),
+        ("source", "Source", text),
+    ]
     frame = pd.DataFrame(rows) if rows else pd.DataFrame(columns=[key for key, _, _ in columns])
-    empty = f"Published numbers are after {published['steps']:,} steps; this study has no finished {ACTORS['aan']} or PopSAN run as long as that."
-    caption = "To see whether our baselines are comparable to published ones; simulators and task versions differ as stated."
+    empty = (
+        f"Published numbers are after {published['steps']:,} steps; this study has no finished {ACTORS['aan']} or "
+        f"PopSAN run as long as that."
+    )
+    caption = (
+        "To see whether our baselines are comparable to published ones; simulators and task versions differ as stated."
+    )
     return Table("published", "statistics", "Beside published numbers", caption, frame, columns, empty)

@@ -1,4 +1,6 @@
-"""Where the numbers come from: versions, commits, processors, hashes, which runs are missing, and what a reader must know."""
+"""Where the numbers come from: versions, commits, processors, hashes, which runs are missing, and what a reader must
+know.
+"""
 
 from __future__ import annotations
 
@@ -13,14 +15,15 @@ from analysis.claims_file import Claims
 from analysis.names import actor_name, algorithm_name, task_name
 from analysis.references import scale
 from analysis.study import Study
-from analysis.tables import Table, number, text
+from analysis.tables import Column, Table, number, text
 
-_WHERE = [("algorithm", "Algorithm", text), ("task", "Task", text), ("actor", "Actor", text)]
+_WHERE: list[Column] = [("algorithm", "Algorithm", text), ("task", "Task", text), ("actor", "Actor", text)]
 
 
 def _seeds(values: pd.Series) -> str:
     """Sorted seeds, runs of neighbours as ``0–4``."""
-    numbers, parts = sorted(int(v) for v in values), []
+    numbers = sorted(int(v) for v in values)
+    parts: list[list[int]] = []
     for number_ in numbers:
         if parts and parts[-1][1] == number_ - 1:
             parts[-1][1] = number_
@@ -38,21 +41,38 @@ def status_table(study: Study) -> Table:
         for env in sorted(tasks):
             for arm in sorted(arms):
                 mine = of_algo[(of_algo["env"] == env) & (of_algo["arm"] == arm)]
-                by = {kind: mine.loc[mine["counts_as"] == kind, "seed"] for kind in ("finished", "diverged", "unfinished")}
+                by = {
+                    kind: mine.loc[mine["counts_as"] == kind, "seed"] for kind in ("finished", "diverged", "unfinished")
+                }
                 states = mine[mine["counts_as"] == "unfinished"]
-                reached = "; ".join(f"{r.seed}: {r.status}, {int(r.step or 0):,} of {r.horizon:,}" for r in states.itertuples())
+                reached = "; ".join(
+                    f"{r.seed}: {r.status}, {int(r.step or 0):,} of {r.horizon:,}" for r in states.itertuples()
+                )
                 rows.append(
                     {
-                        "algo": algo, "env": env, "arm": arm, "algorithm": algorithm_name(str(algo)), "task": task_name(env),
-                        "actor": actor_name(arm), "finished": _seeds(by["finished"]), "diverged": _seeds(by["diverged"]),
-                        "unfinished": reached, "missing": _seeds(pd.Series(sorted(expected - set(mine["seed"])))),
-                    }  # fmt: skip
+                        "algo": algo,
+                        "env": env,
+                        "arm": arm,
+                        "algorithm": algorithm_name(str(algo)),
+                        "task": task_name(env),
+                        "actor": actor_name(arm),
+                        "finished": _seeds(by["finished"]),
+                        "diverged": _seeds(by["diverged"]),
+                        "unfinished": reached,
+                        "missing": _seeds(pd.Series(sorted(expected - set(mine["seed"])))),
+                    }
                 )
-    columns = [
-        *_WHERE, ("finished", "Finished seeds", text), ("diverged", "Diverged", text), ("unfinished", "Unfinished (state, steps)", text),
+    columns: list[Column] = [
+        *_WHERE,
+        ("finished", "Finished seeds", text),
+        ("diverged", "Diverged", text),
+        ("unfinished", "Unfinished (state, steps)", text),
         ("missing", "Missing", text),
-    ]  # fmt: skip
-    caption = "Missing: seeds that another cell of the same algorithm has. Nothing is filled in for them, and nothing is cut to the shortest."
+    ]
+    caption = (
+        "Missing: seeds that another cell of the same algorithm has. Nothing is filled in for them, and nothing is "
+        "cut to the shortest."
+    )
     frame = pd.DataFrame(rows, columns=["algo", "env", "arm", *(key for key, _, _ in columns)])
     return Table("runs", "provenance", "Which runs there are", caption, frame, columns, "There are no runs yet.")
 
@@ -66,16 +86,29 @@ def versions_table(study: Study) -> Table:
             rows.append({"what": what, "value": value, "runs": count})
 
     if len(runs):
-        add("commit", runs["commit"].astype(object).where(runs["dirty"].fillna(False).ne(True), runs["commit"].astype(str) + " (with local changes)"))
+        add(
+            "commit",
+            runs["commit"]
+            .astype(object)
+            .where(runs["dirty"].fillna(False).ne(True), runs["commit"].astype(str) + " (with local changes)"),
+        )
         versions = pd.DataFrame([json.loads(v) for v in runs["versions"]])
         for package in sorted(versions.columns):
             add(package, versions[package])
         for what in ("engine", "processor", "device", "threads"):
             values = runs[what]
             add(what, values.map(lambda v: int(v) if isinstance(v, float) and v == v and v.is_integer() else v))
-    columns = [("what", "", text), ("value", "Value", text), ("runs", "Runs", number())]
+    columns: list[Column] = [("what", "", text), ("value", "Value", text), ("runs", "Runs", number())]
     frame = pd.DataFrame(rows, columns=["what", "value", "runs"])
-    return Table("versions", "provenance", "Versions and machines", "As the runs' manifests record them.", frame, columns, folded=True)
+    return Table(
+        "versions",
+        "provenance",
+        "Versions and machines",
+        "As the runs' manifests record them.",
+        frame,
+        columns,
+        folded=True,
+    )
 
 
 def cells_table(study: Study) -> Table:
@@ -85,16 +118,26 @@ def cells_table(study: Study) -> Table:
         keys = json.loads(group["changed_keys"].iloc[0])
         rows.append(
             {
-                "algorithm": algorithm_name(algo), "task": task_name(env), "actor": actor_name(arm), "encoder": group["encoder"].iloc[0],
-                "hash": str(group["cell_hash"].iloc[0])[:16], "changed": ", ".join(f"{k}={v}" for k, v in sorted(keys.items())),
+                "algorithm": algorithm_name(str(algo)),
+                "task": task_name(str(env)),
+                "actor": actor_name(str(arm)),
+                "encoder": group["encoder"].iloc[0],
+                "hash": str(group["cell_hash"].iloc[0])[:16],
+                "changed": ", ".join(f"{k}={v}" for k, v in sorted(keys.items())),
                 "resumed": int(group["times_resumed"].fillna(0).sum()),
-            }  # fmt: skip
+            }
         )
-    columns = [
-        *_WHERE, ("encoder", "Spike coding", text), ("hash", "Configuration hash", text), ("changed", "Changed keys", text),
+    columns: list[Column] = [
+        *_WHERE,
+        ("encoder", "Spike coding", text),
+        ("hash", "Configuration hash", text),
+        ("changed", "Changed keys", text),
         ("resumed", "Resumes", number()),
-    ]  # fmt: skip
-    caption = "Seeds of one cell share the hash; mixed cells are refused. A cell with changed keys is a variant and enters no claim of the paper."
+    ]
+    caption = (
+        "Seeds of one cell share the hash; mixed cells are refused. A cell with changed keys is a variant and enters "
+        "no claim of the paper."
+    )
     frame = pd.DataFrame(rows, columns=[key for key, _, _ in columns])
     return Table("cells", "provenance", "Configurations", caption, frame, columns, folded=True)
 
@@ -106,7 +149,10 @@ def notes(study: Study, cells: list[Cell], claims: Claims) -> list[str]:
         here = [cell for cell in cells if (cell.algo, cell.env) == (algo, env)]
         name = f"{algorithm_name(algo)}, {task_name(env)}"
         paper = tuple(cell.arm for cell in here if cell.paper)
-        found += [f"{name}: settings differ between actors: {phrase}." for phrase in (unequal_settings(study, algo, env, paper) if paper else [])]
+        found += [
+            f"{name}: settings differ between actors: {phrase}."
+            for phrase in (unequal_settings(study, algo, env, paper) if paper else [])
+        ]
         counts = {cell.n for cell in here if cell.n}
         if len(counts) > 1:
             shown = ", ".join(f"{actor_name(cell.arm)} {cell.n}" for cell in here if cell.n)
@@ -114,21 +160,29 @@ def notes(study: Study, cells: list[Cell], claims: Claims) -> list[str]:
         for cell in here:
             if np.isnan(cell.returns).any():
                 found.append(
-                    f"{name}, {actor_name(cell.arm)}: the seeds were not all evaluated at the same steps; curves show n by step, and the maximum "
+                    f"{name}, {actor_name(cell.arm)}: the seeds were not all evaluated at the same steps; curves "
+                    f"show n by step, and the maximum "
                     "of the mean takes the shared steps only."
                 )
         if env not in claims.tasks:
             found.append(f"{name}: no claim is about this task; it is drawn and tabulated only.")
         if scale(algo, env) is None:
             found.append(f"{name}: no reference score, so it has no part in what is computed over tasks.")
-    rates = {cell.algo for cell in cells if cell.arm == "aan"} & {cell.algo for cell in cells if cell.arm != "aan" and cell.paper}
+    rates = {cell.algo for cell in cells if cell.arm == "aan"} & {
+        cell.algo for cell in cells if cell.arm != "aan" and cell.paper
+    }
     for algo in sorted(rates):
         learning = {
-            cell.arm: study.configurations[f"{cell.algo}/{cell.env}/{cell.arm}"]["algo"].get("actor_learning_rate") for cell in cells if cell.algo == algo and cell.paper
+            cell.arm: study.configurations[f"{cell.algo}/{cell.env}/{cell.arm}"]["algo"].get("actor_learning_rate")
+            for cell in cells
+            if cell.algo == algo and cell.paper
         }
         if len(set(learning.values())) > 1:
             shown = ", ".join(f"{actor_name(arm)} {rate:g}" for arm, rate in learning.items() if rate is not None)
-            found.append(f"{algorithm_name(algo)}: actor learning rates differ ({shown}), as in the published comparison; it is a confound.")
+            found.append(
+                f"{algorithm_name(algo)}: actor learning rates differ ({shown}), as in the published comparison; it "
+                f"is a confound."
+            )
     variants = sorted({actor_name(cell.arm) for cell in cells if not cell.paper})
     if variants:
         found.append(f"Variants, which enter no claim of the paper: {', '.join(variants)}.")

@@ -1,4 +1,6 @@
-"""Synthetic studies with a known truth, written exactly as ``docs/run-directory.md`` says. Only ever in temporary folders."""
+"""Synthetic studies with a known truth, written exactly as ``docs/run-directory.md`` says. Only ever in temporary
+folders.
+"""
 
 from __future__ import annotations
 
@@ -16,17 +18,42 @@ LEVELS = {"hopper": 3000.0, "walker2d": 3500.0, "halfcheetah": 9000.0, "ant": 40
 ACTORS = ("aan", "popsan", "bptsan_wo_ndt", "bptsan_wo_li", "bptsan")
 
 
-def configuration(algo: str, env: str, actor: str, seed: int = 0, total_steps: int = 100_000, interval: int = 10_000, **changes: Any) -> dict[str, Any]:
-    """A resolved configuration as ``config.yaml`` holds it, from the project's own ``conf``; ``changes`` by dotted key."""
-    parts = {group: yaml.safe_load((CONF / group / f"{name}.yaml").read_text()) for group, name in
-             (("algo", algo), ("actor", actor), ("env", env), ("encoder", "task"), ("protocol", "short"), ("logger", "none"))}
+def configuration(
+    algo: str, env: str, actor: str, seed: int = 0, total_steps: int = 100_000, interval: int = 10_000, **changes: Any
+) -> dict[str, Any]:
+    """A resolved configuration as ``config.yaml`` holds it, from the project's own ``conf``; ``changes`` by dotted
+    key.
+    """
+    parts = {
+        group: yaml.safe_load((CONF / group / f"{name}.yaml").read_text())
+        for group, name in (
+            ("algo", algo),
+            ("actor", actor),
+            ("env", env),
+            ("encoder", "task"),
+            ("protocol", "short"),
+            ("logger", "none"),
+        )
+    }
     parts["algo"]["actor_learning_rate"] = parts["actor"]["learning_rate"]
     if "log_std_network" in parts["algo"]:
         parts["algo"]["log_std_network"] = parts["actor"]["log_std_network"]
     parts["encoder"]["coding"] = "none" if actor == "aan" else parts["env"]["spike_coding"]
     parts["protocol"] |= {"total_steps": total_steps, "evaluation_interval": interval, "evaluation_episodes": 2}
-    config = parts | {"normalize_observations": True, "normalization_clip": 3.0, "seed": seed, "threads": 1, "device": "cpu", "study": "x",
-                      "label": None, "results_dir": "results", "on_conflict": "refuse", "keep_replay": False, "dry_run": False, "sweeps": None}
+    config = parts | {
+        "normalize_observations": True,
+        "normalization_clip": 3.0,
+        "seed": seed,
+        "threads": 1,
+        "device": "cpu",
+        "study": "x",
+        "label": None,
+        "results_dir": "results",
+        "on_conflict": "refuse",
+        "keep_replay": False,
+        "dry_run": False,
+        "sweeps": None,
+    }
     for key, value in changes.items():
         place, *rest = key.split(".")
         node = config
@@ -42,11 +69,27 @@ def _hash(config: dict[str, Any]) -> str:
     return hashlib.sha256(json.dumps(kept, sort_keys=True).encode()).hexdigest()
 
 
-def write_run(study: Path, algo: str = "td3", env: str = "hopper", actor: str = "bptsan", seed: int = 0, *, level: float | None = None,
-              total_steps: int = 100_000, interval: int = 10_000, status: str = "complete", stop: int | None = None, label: str | None = None,
-              changes: dict[str, Any] | None = None, curve: np.ndarray | None = None, noise: float = 0.0, manifest: dict[str, Any] | None = None,
-              encoder: str | None = None) -> Path:
-    """Write one run and give its folder. ``curve``: the returns by evaluation; else a saturating curve towards ``level``.
+def write_run(
+    study: Path,
+    algo: str = "td3",
+    env: str = "hopper",
+    actor: str = "bptsan",
+    seed: int = 0,
+    *,
+    level: float | None = None,
+    total_steps: int = 100_000,
+    interval: int = 10_000,
+    status: str = "complete",
+    stop: int | None = None,
+    label: str | None = None,
+    changes: dict[str, Any] | None = None,
+    curve: np.ndarray | None = None,
+    noise: float = 0.0,
+    manifest: dict[str, Any] | None = None,
+    encoder: str | None = None,
+) -> Path:
+    """Write one run and give its folder. ``curve``: the returns by evaluation; else a saturating curve towards
+    ``level``.
 
     ``stop``: the step of the last evaluation. Two episodes an evaluation, their mean is the curve's value.
     """
@@ -63,11 +106,16 @@ def write_run(study: Path, algo: str = "td3", env: str = "hopper", actor: str = 
     generator = np.random.default_rng([seed, len(label), len(env), *label.encode()])
     if curve is None:
         top = LEVELS[env] if level is None else level
-        curve = top * (1 - np.exp(-5 * steps / total_steps)) + noise * generator.standard_normal() * np.linspace(0, 1, len(steps))
+        curve = top * (1 - np.exp(-5 * steps / total_steps)) + noise * generator.standard_normal() * np.linspace(
+            0, 1, len(steps)
+        )
         curve = curve + 0.2 * noise * generator.standard_normal(len(steps))
     rows = ["step,episode,return,length"]
     for step, value in zip(steps.tolist(), np.asarray(curve, dtype=float).tolist()):
-        rows += [f"{step},{episode},{value + sign!r},{1000 if value > 500 else 200}" for episode, sign in ((0, 1.0), (1, -1.0))]
+        rows += [
+            f"{step},{episode},{value + sign!r},{1000 if value > 500 else 200}"
+            for episode, sign in ((0, 1.0), (1, -1.0))
+        ]
     (path / "evaluations.csv").write_text("\n".join(rows) + "\n")
     (path / "training.csv").write_text(_training(steps[1:], algo, actor, generator))
     n, m = SIZES[env]
@@ -98,20 +146,45 @@ def _training(steps: np.ndarray, algo: str, actor: str, generator: np.random.Gen
         columns["input_firing_rate"] = np.full(len(steps), 0.2)
         for layer, rate in ((1, 0.3), (2, 0.25), (3, 0.4)):
             drift = np.linspace(0, 0.1, len(steps))
-            columns |= {f"layer{layer}_firing_rate": rate + drift, f"layer{layer}_window_share": 0.5 - drift, f"layer{layer}_always_on": drift / 2,
-                        f"layer{layer}_never_on": 0.1 - drift / 2, f"layer{layer}_gradient_norm": 1 + drift}
+            columns |= {
+                f"layer{layer}_firing_rate": rate + drift,
+                f"layer{layer}_window_share": 0.5 - drift,
+                f"layer{layer}_always_on": drift / 2,
+                f"layer{layer}_never_on": 0.1 - drift / 2,
+                f"layer{layer}_gradient_norm": 1 + drift,
+            }
     lines = [",".join(columns)]
     lines += [",".join(str(columns[name][i]) for name in columns) for i in range(len(steps))]
     return "\n".join(lines) + "\n"
 
 
-def write_grid(study: Path, effects: dict[str, float] | None = None, *, algos: tuple[str, ...] = ("td3",), envs: tuple[str, ...] = ("hopper",),
-               actors: tuple[str, ...] = ACTORS, seeds: int = 5, noise: float = 100.0, total_steps: int = 100_000, interval: int = 10_000) -> Path:
+def write_grid(
+    study: Path,
+    effects: dict[str, float] | None = None,
+    *,
+    algos: tuple[str, ...] = ("td3",),
+    envs: tuple[str, ...] = ("hopper",),
+    actors: tuple[str, ...] = ACTORS,
+    seeds: int = 5,
+    noise: float = 100.0,
+    total_steps: int = 100_000,
+    interval: int = 10_000,
+) -> Path:
     """A whole grid; ``effects``: what an actor adds to its task's level."""
     for algo in algos:
         for env in envs:
             for actor in actors:
                 for seed in range(seeds):
                     level = LEVELS[env] + (effects or {}).get(actor, 0.0)
-                    write_run(study, algo, env, actor, seed, level=level, noise=noise, total_steps=total_steps, interval=interval)
+                    write_run(
+                        study,
+                        algo,
+                        env,
+                        actor,
+                        seed,
+                        level=level,
+                        noise=noise,
+                        total_steps=total_steps,
+                        interval=interval,
+                    )
     return study

@@ -22,7 +22,10 @@ def test_iqm_by_hand():
 
 
 def test_points_equal_rliable():
-    ours = {name: bootstrap.point(TASKS, f) for name, f in (("iqm", bootstrap.iqm), ("mean", bootstrap.mean), ("median", bootstrap.median))}
+    ours = {
+        name: bootstrap.point(TASKS, f)
+        for name, f in (("iqm", bootstrap.iqm), ("mean", bootstrap.mean), ("median", bootstrap.median))
+    }
     assert ours["iqm"] == pytest.approx(rliable_metrics.aggregate_iqm(SCORES))
     assert ours["mean"] == pytest.approx(rliable_metrics.aggregate_mean(SCORES))
     assert ours["median"] == pytest.approx(rliable_metrics.aggregate_median(SCORES))
@@ -33,9 +36,13 @@ def test_points_equal_rliable():
 def test_intervals_agree_with_rliable():
     np.random.seed(0)
     functions = (bootstrap.iqm, rliable_metrics.aggregate_iqm), (bootstrap.median, rliable_metrics.aggregate_median)
-    theirs = library.get_interval_estimates({"x": SCORES}, lambda s: np.array([f(s) for _, f in functions]), reps=2000)[1]["x"]
+    theirs = library.get_interval_estimates({"x": SCORES}, lambda s: np.array([f(s) for _, f in functions]), reps=2000)[
+        1
+    ]["x"]
     for column, (ours, _) in enumerate(functions):
-        assert bootstrap.interval(TASKS, ours) == pytest.approx(theirs[:, column], abs=0.6)  # both are Monte Carlo; widths are about 8
+        assert bootstrap.interval(TASKS, ours) == pytest.approx(
+            theirs[:, column], abs=0.6
+        )  # both are Monte Carlo; widths are about 8
 
 
 def test_profile_agrees_with_rliable():
@@ -56,7 +63,9 @@ def test_probability_of_improvement_by_hand():
 def test_probability_of_improvement_interval_agrees_with_rliable():
     np.random.seed(0)
     pairs = {"x,y": (SCORES, OTHER)}
-    theirs = library.get_interval_estimates(pairs, rliable_metrics.probability_of_improvement, reps=1000)[1]["x,y"].ravel()
+    theirs = library.get_interval_estimates(pairs, rliable_metrics.probability_of_improvement, reps=1000)[1][
+        "x,y"
+    ].ravel()
     assert bootstrap.improvement_interval(TASKS, list(OTHER.T)) == pytest.approx(theirs, abs=0.03)
 
 

@@ -38,7 +38,7 @@ def test_a_planted_effect_is_found_on_every_task_and_in_both_directions(tmp_path
 
 def test_no_effect_is_undecided_and_not_called_equal(tmp_path):
     write_grid(tmp_path / "s", envs=("hopper",), seeds=6, noise=300)
-    rows, results = verdicts(tmp_path / "s")
+    rows, _ = verdicts(tmp_path / "s")
     assert {row.verdict for row in rows} == {"undecided"}
     row = by(rows, "bptsan_over_popsan")
     assert "not equality" in row.why
@@ -77,7 +77,9 @@ def test_few_seeds_are_undecided_without_an_interval(tmp_path, seeds):
 def test_variants_never_enter_a_claim_of_the_paper(tmp_path):
     write_grid(tmp_path / "s", actors=("popsan",), seeds=4)
     for seed in range(4):
-        write_run(tmp_path / "s", seed=seed, level=9000, changes={"actor.lateral.radius": 4})  # label bptsan, but changed
+        write_run(
+            tmp_path / "s", seed=seed, level=9000, changes={"actor.lateral.radius": 4}
+        )  # label bptsan, but changed
         write_run(tmp_path / "s", seed=seed, level=9000, encoder="deterministic")
     rows, _ = verdicts(tmp_path / "s")
     row = by(rows, "bptsan_over_popsan")
@@ -91,7 +93,9 @@ def test_a_users_claim_may_name_a_variant(tmp_path):
     )
     for seed in range(4):
         write_run(tmp_path / "s", seed=seed, noise=10)
-        write_run(tmp_path / "s", seed=seed, noise=10, level=4000, label="bptsan-r4", changes={"actor.lateral.radius": 4})
+        write_run(
+            tmp_path / "s", seed=seed, noise=10, level=4000, label="bptsan-r4", changes={"actor.lateral.radius": 4}
+        )
     _, results = verdicts(tmp_path / "s", read_claims(tmp_path / "claims.yaml"))
     assert [result.verdict for result in results] == ["supported"]
 
@@ -135,8 +139,15 @@ def test_holm_runs_over_all_rows_of_one_algorithm(tmp_path):
         ("- a", "expected the keys"),
         ("alpha: 2.0\npower: 0.8\ntasks: []\nclaims: []", "between 0 and 1"),
         ("alpha: 0.05\npower: 0.8\ntasks: [a]\nclaims: [{name: x, kind: guess}]", "kind should be"),
-        ("alpha: 0.05\npower: 0.8\ntasks: [a]\nclaims: [{name: x, kind: difference, source: user, better: a}]", "worse should name"),
-        ("alpha: 0.05\npower: 0.8\ntasks: [a]\nclaims: [{name: x, kind: difference, source: user, better: a, worse: b, bse: c}]", "no key bse"),
+        (
+            "alpha: 0.05\npower: 0.8\ntasks: [a]\nclaims: [{name: x, kind: difference, source: user, better: a}]",
+            "worse should name",
+        ),
+        (
+            "alpha: 0.05\npower: 0.8\ntasks: [a]\nclaims: [{name: x, kind: difference, source: user, better: a, "
+            "worse: b, bse: c}]",
+            "no key bse",
+        ),
         ("a: [", "not valid YAML"),
     ],
 )

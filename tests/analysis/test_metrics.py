@@ -29,7 +29,11 @@ def test_half_std_by_hand_and_absent_for_one_seed():
 
 def test_both_readings_of_the_maximum_by_hand():
     of_mean = metrics.max_of_mean(STEPS, RETURNS)
-    assert (of_mean.value, of_mean.std, of_mean.step) == (6.0, pytest.approx(8**0.5), 10)  # the first of two equal steps
+    assert (of_mean.value, of_mean.std, of_mean.step) == (
+        6.0,
+        pytest.approx(8**0.5),
+        10,
+    )  # the first of two equal steps
     of_max = metrics.mean_of_max(RETURNS)
     assert (of_max.value, of_max.std) == (8.0, pytest.approx(8**0.5))  # maxima 6 and 10
     assert np.isnan(of_max.step)
@@ -86,7 +90,9 @@ def test_shifting_all_returns_shifts_means_and_leaves_spreads(returns, shift):
     scale = 1 + np.abs(returns).max() + abs(shift)
     for f in (lambda r: metrics.max_of_mean(steps, r).value, lambda r: metrics.mean_of_max(r).value):
         assert f(moved) == pytest.approx(f(returns) + shift, abs=1e-9 * scale)
-    assert metrics.mean_curve(moved).std == pytest.approx(metrics.mean_curve(returns).std, abs=1e-6 * scale, nan_ok=True)
+    assert metrics.mean_curve(moved).std == pytest.approx(
+        metrics.mean_curve(returns).std, abs=1e-6 * scale, nan_ok=True
+    )
     assert metrics.smooth(moved[0]) == pytest.approx(metrics.smooth(returns[0]) + shift, abs=1e-9 * scale)
 
 

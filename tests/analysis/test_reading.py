@@ -28,7 +28,9 @@ def test_a_run_as_the_contract_says(tmp_path):
 
 def test_a_torn_last_line_is_left_out_with_a_note(tmp_path):
     run = write_run(tmp_path / "s", curve=np.full(11, 500.0))
-    rewrite(run / "evaluations.csv", lambda text: text.rsplit(",", 1)[0][:-3])  # "100000,1,49": a shorter number, no newline
+    rewrite(
+        run / "evaluations.csv", lambda text: text.rsplit(",", 1)[0][:-3]
+    )  # "100000,1,49": a shorter number, no newline
     study = read_study(tmp_path / "s")
     assert any("torn" in note for note in study.notes)
     assert any("fewer than 2 episodes" in note for note in study.notes)
@@ -95,7 +97,9 @@ def test_an_empty_or_missing_study(tmp_path):
 def test_mixed_configurations_in_a_cell_are_refused_with_the_keys(tmp_path):
     write_run(tmp_path / "s")
     write_run(tmp_path / "s", seed=1, label="bptsan", changes={"actor.time_steps": 8, "normalize_observations": False})
-    with pytest.raises(InputError, match=r"actor\.time_steps: 5 against 8; normalize_observations: True against False") as error:
+    with pytest.raises(
+        InputError, match=r"actor\.time_steps: 5 against 8; normalize_observations: True against False"
+    ) as error:
         read_study(tmp_path / "s")
     assert "seed_0 and seed_1" in str(error.value)
 
@@ -139,17 +143,26 @@ def test_unequal_training_is_not_compared(tmp_path):
 def test_variants_never_pass_for_the_papers_actor(tmp_path):
     write_run(tmp_path / "s")
     write_run(tmp_path / "s", label="bptsan-branches=4", changes={"actor.dendritic.branches": 4})
-    write_run(tmp_path / "s", actor="popsan", changes={"actor.time_steps": 8})  # a changed key under the actor's own name
+    write_run(
+        tmp_path / "s", actor="popsan", changes={"actor.time_steps": 8}
+    )  # a changed key under the actor's own name
     write_run(tmp_path / "s", encoder="deterministic")  # hopper's own coding is poisson
     runs = read_study(tmp_path / "s").runs
     paper = dict(zip(runs["arm"], runs["paper"]))
-    assert paper == {"bptsan": True, "bptsan [deterministic]": False, "bptsan-branches=4": False, "popsan (changed: time_steps)": False}
+    assert paper == {
+        "bptsan": True,
+        "bptsan [deterministic]": False,
+        "bptsan-branches=4": False,
+        "popsan (changed: time_steps)": False,
+    }
 
 
 def test_evaluations_at_different_steps_keep_their_n(tmp_path):
     write_run(tmp_path / "s")
     run = write_run(tmp_path / "s", seed=1)
-    rewrite(run / "evaluations.csv", lambda t: "".join(line for line in t.splitlines(True) if not line.startswith("50000,")))
+    rewrite(
+        run / "evaluations.csv", lambda t: "".join(line for line in t.splitlines(True) if not line.startswith("50000,"))
+    )
     (cell,) = cells_of(read_study(tmp_path / "s"))
     assert np.isnan(cell.returns[1, 5]) and np.isfinite(cell.returns[0]).all()
 

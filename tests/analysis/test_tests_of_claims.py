@@ -39,7 +39,9 @@ def test_interaction_equals_the_regression_with_equal_variances():
 
     arms = [GENERATOR.normal(m, 1, 6) for m in (5, 3, 2, 1)]
     arms = [a - a.mean() + m for a, m in zip(arms, (5, 3, 2, 1))]
-    arms = [(a - a.mean()) / a.std(ddof=1) + a.mean() for a in arms]  # same variance in all: then Welch is the pooled test
+    arms = [
+        (a - a.mean()) / a.std(ddof=1) + a.mean() for a in arms
+    ]  # same variance in all: then Welch is the pooled test
     x = np.repeat([[1, 1, 1, 1], [1, 1, 0, 0], [1, 0, 1, 0], [1, 0, 0, 0]], 6, axis=0)
     fit = sm.OLS(np.concatenate(arms), x).fit()
     assert welch_contrast(arms, (1, -1, -1, 1)).p == pytest.approx(fit.pvalues[3])
@@ -91,7 +93,13 @@ def test_seeds_for_power_is_the_smallest_that_suffices():
 
 @pytest.mark.parametrize(
     ("p", "estimate", "expected"),
-    [(0.049, 1, "supported"), (0.049, -1, "contradicted"), (0.05, 1, "undecided"), (0.5, 1, "undecided"), (float("nan"), 1, "undecided")],
+    [
+        (0.049, 1, "supported"),
+        (0.049, -1, "contradicted"),
+        (0.05, 1, "undecided"),
+        (0.5, 1, "undecided"),
+        (float("nan"), 1, "undecided"),
+    ],
 )
 def test_the_verdict_rule(p, estimate, expected):
     assert verdict(p, estimate) == expected

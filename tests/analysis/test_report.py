@@ -1,0 +1,240 @@
+"""If these fail, the report of a study is not what its logs say, or not the same twice."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis import metrics
+from analysis.__main__ import main
+from analysis.compare import compare, side
+from analysis.study import read_study
+from tests.analysis.synthetic import write_grid, write_run
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def files(study):
+    outputs = [
+        path for path in sorted(study.rglob("*")) if path.is_file() and "runs" not in path.relative_to(study).parts
+    ]
+    return {str(path.relative_to(study)): path.read_bytes() for path in outputs}
+
+
+def page(study):
+    return (study / "report" / "index.html").read_text(encoding="utf-8")
+
+
+def test_same_logs_same_bytes_whatever_the_order_of_folders(mixed_report, tmp_path, monkeypatch):
+    """Built again in a process with another hash seed, from folders created in the opposite order."""
+    again = tmp_path / "mixed"
+    for source in sorted(mixed_report.joinpath("runs").rglob("*"), reverse=True):
+        target = again / source.relative_to(mixed_report)
+        if source.is_dir():
+            target.mkdir(parents=True, exist_ok=True)
+        else:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(source, target)
+    command = (
+        "import os,sys,pathlib; f=pathlib.Path.iterdir; pathlib.Path.iterdir=lambda s: iter(sorted(f(s),reverse=True));"
+    )
+    command += "from analysis.__main__ import main; sys.exit(main(['report', sys.argv[1]]))"
+    subprocess.run(
+        [sys.executable, "-c", command, str(again)], check=True, cwd=ROOT, env={**os.environ, "PYTHONHASHSEED": "7"}
+    )
+    first, second = files(mixed_report), files(again)
+    assert first.keys() == second.keys() and len(first) > 40
+    assert [name for name in first if first[name] != second[name]] == []
+
+
+def test_stages_one_by_one_give_what_report_gives(mixed_report, tmp_path):
+    study = shutil.copytree(
+        mixed_report, tmp_path / "mixed", ignore=shutil.ignore_patterns("collected", "figures", "statistics", "report")
+    )
+    for stage in ("collect", "statistics"):
+        assert main([stage, str(study)]) == 0
+    first, second = files(mixed_report), files(study)
+    assert all(first[name] == content for name, content in second.items())
+
+
+def test_it_begins_with_verdicts_then_the_table_and_names_what_is_missing(mixed_report):
+    html = page(mixed_report)
+    order = [
+        html.index(f">{words}")
+        for words in ("Verdicts on the paper", "Final performance<", "Figures<", "Statistics<", "Notes<")
+    ]
+    assert order[1:] != [] and html.index("Verdicts on the paper") < html.index('id="figures"') < html.index(
+        'id="statistics"'
+    )
+    assert "so this study cannot support it on every task" in html
+    assert "my notes: its path is not" in html and "diverged runs: BPT-SAN 1" in html
+    runs = pd.read_csv(mixed_report / "statistics/runs.csv").set_index(["env", "arm"])
+    assert str(runs.loc[("ant", "popsan"), "missing"]) in ("2, 3", "2–3")
+    assert "running, 50,000 of 100,000" in runs.loc[("hopper", "bptsan"), "unfinished"]
+
+
+def test_no_request_can_leave_the_page_and_nothing_runs(mixed_report):
+    html = page(mixed_report)
+    assert not re.search(r"""(src|href)=["'](?!data:|#)""", html)
+    assert "<script" not in html and "@import" not in html and "url(" not in html
+
+
+def test_the_csv_beside_a_figure_is_what_it_draws(mixed_report):
+    drawn = pd.read_csv(mixed_report / "figures/main-td3.csv")
+    study = read_study(mixed_report)
+    mine = study.evaluations[(study.evaluations["arm"] == "aan") & (study.evaluations["env"] == "hopper")]
+    _, returns, _ = metrics.seed_matrix(mine)
+    found = drawn[(drawn["arm"] == "aan") & (drawn["env"] == "hopper")]
+    assert found["mean"].to_numpy() == pytest.approx(returns.mean(axis=0))
+    assert found["half_std"].to_numpy() == pytest.approx(returns.std(axis=0, ddof=1) / 2)
+    assert found["mean_smoothed"].to_numpy() == pytest.approx(metrics.smooth(returns.mean(axis=0)))
+    bars = pd.read_csv(mixed_report / "figures/ablation-td3.csv").set_index(["env", "arm"])
+    assert (bars["mean_of_max"] >= bars["max_of_mean"]).all()
+    assert bars.loc[("hopper", "bptsan"), "n"] == 3  # the running fourth seed has no part
+
+
+def test_swept_key_gets_a_line_with_the_unchanged_actor_on_it(mixed_report):
+    sweep = pd.read_csv(mixed_report / "figures/sweep-td3-lateral.radius.csv")
+    assert sweep["value"].tolist() == [1, 2, 4] and sweep["n"].tolist() == [3, 3, 3]
+
+
+def test_every_figure_has_pdf_png_and_csv(mixed_report):
+    figures = json.loads((mixed_report / "figures/figures.json").read_text())
+    assert {f["name"] for f in figures} >= {
+        "main-td3",
+        "ablation-td3",
+        "final-td3",
+        "profile-td3",
+        "efficiency-td3",
+        "improvement-td3",
+        "health-td3-ant",
+    }
+    for figure in figures:
+        for kind in ("pdf", "png", "csv"):
+            assert (mixed_report / "figures" / f"{figure['name']}.{kind}").stat().st_size > 100
+        assert figure["caption"]
+
+
+def test_latex_is_booktabs_and_escaped(mixed_report):
+    latex = (mixed_report / "statistics/main.tex").read_text()
+    assert all(rule in latex for rule in (r"\toprule", r"\midrule", r"\bottomrule", r"$\pm$"))
+    assert r"max\_of\_mean" in (mixed_report / "statistics/max_average_return.tex").read_text()
+
+
+def test_names_from_files_are_escaped(tmp_path):
+    evil = "<img src=x onerror=alert(1)>&|$x$_{b}"
+    for seed in range(3):
+        write_run(
+            tmp_path / "s",
+            seed=seed,
+            label=evil,
+            changes={"actor.lateral.radius": 1},
+            manifest={"processor": "<script>alert(1)</script>"},
+        )
+    (tmp_path / "s/runs/<b>bold").mkdir()
+    assert main(["report", str(tmp_path / "s")]) == 0
+    html, markdown = page(tmp_path / "s"), (tmp_path / "s/report/report.md").read_text()
+    for text in (html, markdown):
+        assert "<img src=x" not in text and "<script>" not in text and "<b>bold" not in text
+    assert "&lt;img src=x" in html
+
+
+def test_empty_study_gives_a_page_that_says_what_is_missing(tmp_path):
+    (tmp_path / "s/runs").mkdir(parents=True)
+    assert main(["report", str(tmp_path / "s")]) == 0
+    assert "There are no runs in s/runs yet." in page(tmp_path / "s")
+    assert "No runs, so no verdicts." in page(tmp_path / "s")
+
+
+@pytest.mark.parametrize(("seeds", "status"), [(1, "complete"), (2, "running")])
+def test_few_or_unfinished_seeds_are_shown_not_errors(tmp_path, seeds, status):
+    for actor in ("aan", "bptsan"):
+        for seed in range(seeds):
+            write_run(
+                tmp_path / "s", actor=actor, seed=seed, status=status, stop=None if status == "complete" else 50_000
+            )
+    assert main(["report", str(tmp_path / "s")]) == 0
+    assert (f"(n={seeds})" if status == "complete" else f"none finished ({seeds} unfinished)") in page(tmp_path / "s")
+
+
+def test_a_task_without_reference_and_an_unknown_actor_are_shown_and_said(tmp_path):
+    write_grid(tmp_path / "s", actors=("aan",), seeds=3)
+    for seed in range(3):
+        write_run(tmp_path / "s", seed=seed, actor="aan", label="my_actor", manifest={"actor": "my_actor"})
+    shutil.copytree(tmp_path / "s/runs/td3/hopper", tmp_path / "s/runs/td3/swimmer")
+    for path in (tmp_path / "s/runs/td3/swimmer").rglob("manifest.json"):
+        path.write_text(path.read_text().replace('"env": "hopper"', '"env": "swimmer"'))
+    assert main(["report", str(tmp_path / "s")]) == 0
+    html = page(tmp_path / "s")
+    assert (
+        "swimmer: no reference score" in html and "swimmer: no claim is about this task" in html and "my_actor" in html
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["report", "nowhere"], "There is no folder nowhere"),
+        (["figures", "{s}"], "has not been collected"),
+        (["render", "{s}"], "run `python -m analysis statistics"),
+        (["compare", "{s}:aan", "{s}:nobody"], "has no label 'nobody'; it has aan, bptsan"),
+        (["compare", "aan", "bptsan"], "is no folder"),
+        (["compare", "{s}", "{s}", "--algo", "sac"], "has no runs under sac"),
+        (["report", "{s}", "--claims", "nothing.yaml"], "There is no claims file"),
+    ],
+)
+def test_bad_input_gives_one_sentence_and_exit_2(tmp_path, capsys, arguments, sentence):
+    write_grid(tmp_path / "s", actors=("aan", "bptsan"), seeds=1)
+    assert main([argument.replace("{s}", str(tmp_path / "s")) for argument in arguments]) == 2
+    error = capsys.readouterr().err
+    assert sentence in error and "Traceback" not in error and error.strip().splitlines()[-1].startswith("error:")
+
+
+def test_compare_labels_and_studies(tmp_path, capsys):
+    write_grid(tmp_path / "a", {"bptsan": 1000.0}, actors=("aan", "bptsan"), seeds=4, noise=30)
+    write_grid(tmp_path / "b", {"bptsan": 1000.0}, actors=("aan", "bptsan"), seeds=3, noise=30)
+    assert main(["compare", "bptsan", "aan", "--study", str(tmp_path / "a")]) == 0
+    assert "bptsan / aan" in capsys.readouterr().out
+    table, _ = compare(side(str(tmp_path / "a"), None), side(str(tmp_path / "b"), None), "td3")
+    assert (
+        table.frame["labels"].tolist() == ["aan", "bptsan"]
+        and "(n=4)" in table.frame["a"][0]
+        and "(n=3)" in table.frame["b"][0]
+    )
+    table, notes = compare(side(f"{tmp_path / 'a'}:bptsan", None), side(f"{tmp_path / 'b'}:aan", None))
+    assert table.frame["improvement"][0].startswith("1.00") and table.frame["p"][0] < 1e-4
+    assert "actor.kind" in notes[0]
+
+
+def test_saturated_runs_are_named(tmp_path):
+    run = write_run(tmp_path / "s")
+    frame = pd.read_csv(run / "training.csv")
+    frame["layer2_window_share"] = 0.001
+    frame.to_csv(run / "training.csv", index=False)
+    assert main(["report", str(tmp_path / "s")]) == 0
+    assert "layer 2 (0.1%): the layer is saturated" in page(tmp_path / "s")
+
+
+def test_analysis_imports_neither_torch_nor_the_training_code():
+    code = "import sys, analysis.__main__, analysis.figures, analysis.statistics, analysis.render, analysis.compare;"
+    code += (
+        "bad = [m for m in sys.modules if m.split('.')[0] in ('torch', 'src', 'tensordict', 'torchrl')]; "
+        "sys.exit(str(bad) if bad else 0)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
+
+
+def test_random_policy_scores_zero_and_the_reference_hundred():
+    from analysis.references import normalised, references
+
+    for algo in ("td3", "sac"):
+        for env in ("hopper", "walker2d", "halfcheetah", "ant"):
+            ends = np.array([references()["random_policy"][env]["mean"], references()["aan_reference"][algo][env]])
+            assert normalised(ends, algo, env) == pytest.approx([0, 100])
