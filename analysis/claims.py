@@ -144,7 +144,7 @@ def unequal_settings(study: Study, algo: str, env: str, arms: tuple[str, ...]) -
 
 
 def overall(rows: list[Row], claims: Claims) -> list[Overall]:
-    """Every claim on every task: supported needs every task supported; one contradicted task contradicts; else undecided."""
+    """Each claim on all its tasks: supported needs all of them, one contradicted task contradicts, else undecided."""
     results = []
     for algo in dict.fromkeys(row.algo for row in rows):
         for claim in claims.claims:

@@ -46,10 +46,12 @@ class Drawing:
         if self.figure.get_layout_engine() is not None:
             self.figure.draw_without_rendering()  # lay out once, not once per format
             self.figure.set_layout_engine("none")
-        for kind, metadata in _METADATA.items():
-            buffer = io.BytesIO()
-            self.figure.savefig(buffer, format=kind, metadata=metadata)
-            write_bytes(folder / f"{self.name}.{kind}", buffer.getvalue())
+        # savefig puts back the layout engine that the settings name, and would lay out again
+        with plt.rc_context({"figure.constrained_layout.use": False}):
+            for kind, metadata in _METADATA.items():
+                buffer = io.BytesIO()
+                self.figure.savefig(buffer, format=kind, metadata=metadata)
+                write_bytes(folder / f"{self.name}.{kind}", buffer.getvalue())
         plt.close(self.figure)
 
     def as_dict(self) -> dict[str, Any]:

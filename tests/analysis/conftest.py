@@ -19,9 +19,16 @@ def mixed_source(tmp_path_factory):
     for radius in (1, 4):
         for seed in range(3):
             write_run(
-                study, "td3", "hopper", "bptsan", seed, label=f"bptsan-lateral.radius={radius}", changes={"actor.lateral.radius": radius},
-                level=3000 + 100 * radius, noise=50,
-            )  # fmt: skip
+                study,
+                "td3",
+                "hopper",
+                "bptsan",
+                seed,
+                label=f"bptsan-lateral.radius={radius}",
+                changes={"actor.lateral.radius": radius},
+                level=3000 + 100 * radius,
+                noise=50,
+            )
     (study / "runs" / "my notes").mkdir()
     return study
 

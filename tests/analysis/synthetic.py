@@ -120,15 +120,40 @@ def write_run(
     (path / "training.csv").write_text(_training(steps[1:], algo, actor, generator))
     n, m = SIZES[env]
     content = {
-        "format": 1, "status": status, "algo": algo, "env": env, "actor": actor, "label": label, "encoder": coding, "seed": seed,
-        "study": study.name, "changed_keys": {k.split(".", 1)[1]: v for k, v in changes.items() if k.split(".")[0] in ("actor", "encoder", "algo")},
-        "configuration_hash": hashlib.sha256(f"{_hash(config)}{seed}".encode()).hexdigest(), "cell_hash": _hash(config), "engine": 1,
-        "step": int(last), "total_steps": total_steps, "observation_size": n, "action_size": m, "parameters": {"actor": 71_000, "critic": 140_000},
-        "started": "2026-01-01T00:00:00+00:00", "updated": "2026-01-01T01:00:00+00:00", "finished": "2026-01-01T01:00:00+00:00",
-        "wall_time_seconds": 3600.0 + seed, "times_resumed": 0,
-        "versions": {"python": "3.11.7", "torch": "2.13.0", "mujoco": "4.0.0"}, "commit": "0" * 40, "dirty": False,
-        "processor": "Example CPU", "threads": 1, "device": "cpu", "failure": None, "notes": [],
-    }  # fmt: skip
+        "format": 1,
+        "status": status,
+        "algo": algo,
+        "env": env,
+        "actor": actor,
+        "label": label,
+        "encoder": coding,
+        "seed": seed,
+        "study": study.name,
+        "changed_keys": {
+            k.split(".", 1)[1]: v for k, v in changes.items() if k.split(".")[0] in ("actor", "encoder", "algo")
+        },
+        "configuration_hash": hashlib.sha256(f"{_hash(config)}{seed}".encode()).hexdigest(),
+        "cell_hash": _hash(config),
+        "engine": 1,
+        "step": int(last),
+        "total_steps": total_steps,
+        "observation_size": n,
+        "action_size": m,
+        "parameters": {"actor": 71_000, "critic": 140_000},
+        "started": "2026-01-01T00:00:00+00:00",
+        "updated": "2026-01-01T01:00:00+00:00",
+        "finished": "2026-01-01T01:00:00+00:00",
+        "wall_time_seconds": 3600.0 + seed,
+        "times_resumed": 0,
+        "versions": {"python": "3.11.7", "torch": "2.13.0", "mujoco": "4.0.0"},
+        "commit": "0" * 40,
+        "dirty": False,
+        "processor": "Example CPU",
+        "threads": 1,
+        "device": "cpu",
+        "failure": None,
+        "notes": [],
+    }
     content |= manifest or {}
     (path / "manifest.json").write_text(json.dumps(content, indent=1))
     return path
