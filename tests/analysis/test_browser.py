@@ -21,7 +21,8 @@ PROBE = """<script>addEventListener("load", () => {
     return box.right > innerWidth + 1 && !(scroller && scroller.scrollWidth >= e.offsetWidth);
   }).length;
   const requests = performance.getEntriesByType("resource").filter(r => !r.name.startsWith("data:")).length;
-  document.title = `PROBE wide=${wide} images=${images.length} broken=${broken} clipped=${clipped} requests=${requests}`;
+  const found = `wide=${wide} images=${images.length} broken=${broken} clipped=${clipped} requests=${requests}`;
+  document.title = `PROBE ${found}`;
 });</script></body>"""
 
 

@@ -1,0 +1,52 @@
+"""If this fails, `dvc repro` in a fresh clone does not draw the figures again, or does more than it must."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from tests.analysis.synthetic import write_run
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def run(*command, cwd):
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    environment = {**os.environ, "PATH": path, "DVC_NO_ANALYTICS": "1", "GIT_CONFIG_GLOBAL": os.devnull}
+    result = subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, timeout=300)
+    assert result.returncode == 0, result.stdout + result.stderr
+    return result.stdout
+
+
+def test_repro_in_a_fresh_clone_then_nothing_then_a_new_run(tmp_path):
+    """One study with one run; no remote, no account, no network, no training."""
+    origin, clone = tmp_path / "origin", tmp_path / "clone"
+    ignore = shutil.ignore_patterns("__pycache__", "tmp", "cache")
+    for name in ("analysis", ".dvc"):
+        shutil.copytree(ROOT / name, origin / name, ignore=ignore)
+    for name in (".dvcignore", ".gitignore"):
+        shutil.copy(ROOT / name, origin / name)
+    lines = [
+        "  - studies: [s]" if line.startswith("  - studies:") else line
+        for line in (ROOT / "dvc.yaml").read_text().splitlines()
+    ]
+    (origin / "dvc.yaml").write_text("\n".join(lines) + "\n")
+    write_run(origin / "results/s", actor="aan")
+    run("git", "init", "-q", cwd=origin)
+    run("git", "add", "-A", cwd=origin)
+    run("git", "-c", "user.name=t", "-c", "user.email=t@example.org", "commit", "-qm", "a study", cwd=origin)
+    run("git", "clone", "-q", str(origin), str(clone), cwd=tmp_path)
+
+    first = run("dvc", "repro", cwd=clone)
+    assert [f"Running stage '{stage}@s'" in first for stage in ("collect", "figures", "statistics", "report")] == [
+        True
+    ] * 4
+    assert (clone / "results/s/report/index.html").is_file()
+    assert "Running stage" not in run("dvc", "repro", cwd=clone)
+    (clone / "results/s/runs/td3/hopper/aan/none/seed_0/state").mkdir()  # a checkpoint is no evidence
+    (clone / "results/s/runs/td3/hopper/aan/none/seed_0/state/x.pt").write_text("x")
+    assert "Running stage" not in run("dvc", "repro", cwd=clone)
+    write_run(clone / "results/s", actor="bptsan")
+    assert "Running stage 'report@s'" in run("dvc", "repro", cwd=clone)
+    assert "BPT-SAN" in (clone / "results/s/statistics/seeds.csv").read_text()
