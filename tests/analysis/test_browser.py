@@ -25,6 +25,8 @@ PROBE = """<script>addEventListener("load", () => {
   document.title = `PROBE ${found}`;
 });</script></body>"""
 
+IN_FRAME = PROBE.replace("document.title = `PROBE ${found}`;", "parent.postMessage(`PROBE ${found}`, '*');")
+
 
 def browse(page, tmp_path, width, *arguments):
     command = [
@@ -64,9 +66,7 @@ def test_a_phone_sees_no_sideways_scrolling(mixed_report, tmp_path):
     """A frame of 390 pixels, as wide as a phone."""
     html = (mixed_report / "report/index.html").read_text()
     html = html.replace("style-src 'unsafe-inline'", "style-src 'unsafe-inline'; script-src 'unsafe-inline'")
-    (tmp_path / "page.html").write_text(
-        html.replace("</body>", PROBE.replace("document.title =", "parent.postMessage(").replace("`;", "`, '*');"))
-    )
+    (tmp_path / "page.html").write_text(html.replace("</body>", IN_FRAME))
     frame = tmp_path / "frame.html"
     frame.write_text(
         "<title>none</title><script>addEventListener('message', e => document.title = e.data)</script>"
@@ -85,8 +85,8 @@ def test_no_console_error(mixed_report, tmp_path):
 def test_the_probe_can_fail(tmp_path):
     page = tmp_path / "bad.html"
     page.write_text(
-        "<title>x</title><body><img src='nothing.png'><div style='width:9000px'>x</div><script>console.error('x')</script>"
-        + PROBE
+        "<title>x</title><body><img src='nothing.png'><div style='width:9000px'>x</div>"
+        "<script>console.error('x')</script>" + PROBE
     )
     result = browse(page, tmp_path, 1280, "--dump-dom")
     assert "broken=1" in result.stdout and "wide=0" not in result.stdout and "requests=0" not in result.stdout
