@@ -22,7 +22,7 @@ GROUPS = {
 
 
 def make_config(overrides: dict[str, Any] | None = None, **choices: str) -> ExperimentConfig:
-    """A validated configuration: ``make_config({"protocol.total_steps": 600}, actor="aan")``."""
+    """A validated configuration: ``make_config({"protocol.total_steps": 450}, actor="aan")``."""
     base: Any = OmegaConf.load(CONF / "config.yaml")
     base.pop("defaults")
     base.pop("hydra")
@@ -36,9 +36,9 @@ def make_config(overrides: dict[str, Any] | None = None, **choices: str) -> Expe
 
 
 def tiny(results_dir: Path, overrides: dict[str, Any] | None = None, **choices: str) -> ExperimentConfig:
-    """A run of a few seconds with small networks: every phase of the protocol in 600 steps."""
+    """A run of a few seconds with small networks: every phase of the protocol in 450 steps."""
     short = {
-        "protocol.total_steps": 600,
+        "protocol.total_steps": 450,
         "protocol.start_steps": 150,
         "protocol.update_after": 100,
         "protocol.evaluation_interval": 150,
@@ -47,7 +47,7 @@ def tiny(results_dir: Path, overrides: dict[str, Any] | None = None, **choices: 
         "algo.batch_size": 16,
         "algo.critic_hidden_sizes": [32, 32],
         "actor.hidden_sizes": [32, 32],
-        "env.max_episode_steps": 90,
+        "env.max_episode_steps": 60,
         "results_dir": str(results_dir),
         "study": "test",
     }

@@ -26,6 +26,7 @@ from src.training.environment import TrainingEnvironment
 from src.training.evaluation import Evaluator
 from src.training.live_curves import open_live_curves
 from src.training.normalization import Normalizer
+from src.training.numerics import set_numerics
 from src.training.policy_file import POLICY_FILE, save_policy
 from src.training.replay import make_replay, sample_minibatches
 
@@ -46,7 +47,7 @@ def train(
     Returns:
         How it ended. ``complete`` leaves ``state/policy.pt``.
     """
-    torch.set_num_threads(config.threads)
+    set_numerics(config.threads)
     return TrainingSession(config, run, progress).loop(stop_requested)
 
 

@@ -14,19 +14,21 @@ from src.experiment.claim import claim
 from src.experiment.outcome import Outcome
 from src.experiment.run_directory import RunDirectory
 from src.training.checkpoint import CheckpointFolder, CorruptCheckpoint, read_archive
+from src.training.numerics import set_numerics
 from src.training.session import TrainingSession
 from tests.helpers import Silent, tiny
 
 CASES = [
-    ("td3", "bptsan", "poisson", "hopper"),
+    ("sac", "bptsan", "poisson", "hopper"),
     ("td3", "bptsan_wo_ndt", "deterministic", "ant"),
-    ("sac", "aan", "task", "hopper"),
-    ("sac", "bptsan", "poisson", "halfcheetah"),
+    ("sac", "aan", "task", "halfcheetah"),
+    ("td3", "aan", "task", "hopper"),
 ]
 
 
 def run(config: ExperimentConfig, stop_at: Callable[[int], bool] = lambda step: False) -> tuple[Outcome, Path]:
     progress = Silent()
+    set_numerics(config.threads)
     with claim(config) as (directory, _):
         session = TrainingSession(config, directory, progress)
         outcome = session.loop(lambda: stop_at(session.step))
@@ -65,7 +67,7 @@ def test_a_run_stopped_anywhere_equals_one_never_stopped(
     whole, whole_path = run(tiny(tmp_path / "whole", **choices))
     assert whole.status == "complete"
     config = tiny(tmp_path / "stopped", **choices)
-    for stop in (50, 150, 300, 350, 500):  # before the first checkpoint, on one, between two, in mid-episode
+    for stop in (50, 150, 250, 300):  # before the first checkpoint, on one, between two, in mid-episode
         outcome, _ = run(config, lambda step, stop=stop: step == stop)
         assert outcome == Outcome("interrupted", stop, outcome.message)
     outcome, stopped_path = run(config)
@@ -83,10 +85,10 @@ def test_a_run_stopped_anywhere_equals_one_never_stopped(
 def test_rows_written_after_the_last_checkpoint_are_redone_not_doubled(tmp_path: Path) -> None:
     _, whole_path = run(tiny(tmp_path / "whole", actor="aan"))
     config = tiny(tmp_path / "killed", actor="aan")
-    run(config, lambda step: step == 400)
+    run(config, lambda step: step == 350)
     path = RunDirectory.path_of(config)
     with (path / "evaluations.csv").open("a") as file:  # a kill after the evaluation and before its checkpoint
-        file.write("450,0,1.0,2\n450,1,1.0,2\n600,0,1.0")
+        file.write("450,0,1.0,2\n450,1,1.0")
     run(config)
     assert (whole_path / "evaluations.csv").read_bytes() == (path / "evaluations.csv").read_bytes()
 
@@ -94,23 +96,23 @@ def test_rows_written_after_the_last_checkpoint_are_redone_not_doubled(tmp_path:
 def test_a_truncated_checkpoint_falls_back_to_the_one_before_with_the_same_numbers(tmp_path: Path) -> None:
     _, whole_path = run(tiny(tmp_path / "whole", actor="aan"))
     config = tiny(tmp_path / "cut", actor="aan")
-    run(config, lambda step: step == 500)
+    run(config, lambda step: step == 400)
     path = RunDirectory.path_of(config)
     newest = CheckpointFolder(path / "state").paths()[0]
-    assert newest.name.endswith("500.pt")
+    assert newest.name.endswith("400.pt")
     newest.write_bytes(newest.read_bytes()[:-100])
     progress = Silent()
     with claim(config) as (directory, _):
         TrainingSession(config, directory, progress).loop(lambda: False)
     assert any("passed over" in note and "truncated" in note for note in progress.notes)
-    assert "resumed at step 450" in progress.notes
+    assert "resumed at step 300" in progress.notes
     assert (whole_path / "evaluations.csv").read_bytes() == (path / "evaluations.csv").read_bytes()
     assert_same(final_weights(whole_path), final_weights(path))
 
 
 def test_two_corrupt_checkpoints_are_refused_and_the_evaluations_stay(tmp_path: Path) -> None:
     config = tiny(tmp_path, actor="aan")
-    run(config, lambda step: step == 500)
+    run(config, lambda step: step == 400)
     path = RunDirectory.path_of(config)
     rows = (path / "evaluations.csv").read_bytes()
     for checkpoint in CheckpointFolder(path / "state").paths():
@@ -123,7 +125,7 @@ def test_two_corrupt_checkpoints_are_refused_and_the_evaluations_stay(tmp_path: 
 
 
 def test_a_complete_run_is_extended_to_what_the_longer_run_would_have_been(tmp_path: Path) -> None:
-    longer = {"protocol.total_steps": 900}
+    longer = {"protocol.total_steps": 600}
     _, whole_path = run(tiny(tmp_path / "whole", longer, actor="popsan"))
     run(tiny(tmp_path / "extended", {"keep_replay": True}, actor="popsan"))
     _, extended_path = run(tiny(tmp_path / "extended", longer | {"keep_replay": True}, actor="popsan"))
@@ -134,24 +136,24 @@ def test_spinning_ups_update_counts(tmp_path: Path) -> None:
     """Updates begin after step update_after + 50; 1M steps would give 999,000 and 499,500."""
     outcome, path = run(tiny(tmp_path, {"protocol.update_after": 100}, actor="aan"))
     learner = learner_state(path)["learner"]
-    assert outcome.step == 600
-    assert learner["critic_updates"] == 600 - 100
-    assert learner["actor_updates"] == (600 - 100) // 2
+    assert outcome.step == 450
+    assert learner["critic_updates"] == 450 - 100
+    assert learner["actor_updates"] == (450 - 100) // 2
     training = pd.read_csv(path / "training.csv")
-    assert training["step"].tolist() == [150, 300, 450, 600]
-    assert training["critic_updates"].tolist() == [50, 200, 350, 500]
+    assert training["step"].tolist() == [150, 300, 450]
+    assert training["critic_updates"].tolist() == [50, 200, 350]
 
 
 def test_the_initial_policy_is_evaluated_and_the_episodes_are_those_asked_for(tmp_path: Path) -> None:
     _, path = run(tiny(tmp_path, actor="aan"))
     table = pd.read_csv(path / "evaluations.csv")
-    assert table["step"].unique().tolist() == [0, 150, 300, 450, 600]
+    assert table["step"].unique().tolist() == [0, 150, 300, 450]
     assert (table.groupby("step").size() == 2).all()
-    assert table["length"].between(1, 90).all()
+    assert table["length"].between(1, 60).all()
 
 
 def test_evaluating_more_often_moves_no_training_number(tmp_path: Path) -> None:
-    _, rare = run(tiny(tmp_path / "rare", {"protocol.evaluation_interval": 300}))
+    _, rare = run(tiny(tmp_path / "rare", {"protocol.evaluation_interval": 450}))
     _, often = run(tiny(tmp_path / "often", {"protocol.evaluation_interval": 50, "protocol.evaluation_episodes": 1}))
     assert_same(final_weights(rare), final_weights(often))
 
@@ -180,4 +182,4 @@ def test_another_seed_moves_everything(tmp_path: Path) -> None:
 def test_non_finite_numbers_end_the_run_as_diverged_with_the_step(tmp_path: Path) -> None:
     outcome, _ = run(tiny(tmp_path, {"algo.critic_learning_rate": 1e30}, actor="aan"))
     assert outcome.status == "diverged"
-    assert str(outcome.step) in outcome.message and outcome.step < 600
+    assert str(outcome.step) in outcome.message and outcome.step < 450

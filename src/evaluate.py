@@ -1,0 +1,87 @@
+"""Play a trained policy again, on fresh episodes: ``python -m src.evaluate RUN --episodes 10``."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+from src.config import ConfigurationError
+
+
+def parse() -> argparse.Namespace:
+    """The command line."""
+    parser = argparse.ArgumentParser(prog="python -m src.evaluate", description=__doc__)
+    parser.add_argument("run", type=Path, help="a run directory, or its state/policy.pt")
+    parser.add_argument("--episodes", type=int, default=10, help="episodes to play (default: 10)")
+    parser.add_argument(
+        "--seed", type=int, default=0, help="seed of the episodes; another one gives others (default: 0)"
+    )
+    parser.add_argument("--csv", type=Path, help="write episode,return,length here too")
+    arguments = parser.parse_args()
+    if arguments.episodes < 1:
+        parser.error(f"--episodes: should be at least 1, found {arguments.episodes}")
+    if arguments.seed < 0:
+        parser.error(f"--seed: should be at least 0, found {arguments.seed}")
+    return arguments
+
+
+def policy_path(run: Path) -> Path:
+    """The policy file of a run directory, or the path itself where it is a file.
+
+    Raises:
+        ConfigurationError: there is none; the message says why that may be.
+    """
+    path = run if run.is_file() else run / "state" / "policy.pt"
+    if not path.is_file():
+        raise ConfigurationError(
+            f"{run}: no trained policy (state/policy.pt) is there. A run leaves it when it completes, and state/ is not in "
+            "git: train the cell on this machine first, or name the policy file."
+        )
+    return path
+
+
+def play(path: Path, episodes: int, seed: int) -> list[tuple[float, int]]:
+    """``(return, length)`` per episode. The episodes differ from all those of the run's own evaluations."""
+    from src.streams import Streams
+    from src.training.evaluation import Evaluator
+    from src.training.numerics import set_numerics
+    from src.training.policy_file import TrainedPolicy
+
+    set_numerics(threads=1)
+    trained = TrainedPolicy(path)
+    config = replace(trained.config, protocol=replace(trained.config.protocol, evaluation_episodes=episodes))
+    evaluator = Evaluator(config, Streams(seed))
+    with trained.policy.actor.fixed_weights():  # type: ignore[operator]
+        return evaluator.evaluate(trained.act, step=-1)
+
+
+def main() -> int:
+    """Print a table of the episodes; returns the exit code."""
+    from rich.console import Console
+    from rich.table import Table
+
+    arguments = parse()
+    try:
+        path = policy_path(arguments.run)
+        results = play(path, arguments.episodes, arguments.seed)
+    except (ConfigurationError, RuntimeError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    table = Table("episode", "return", "length", title=str(arguments.run))
+    for episode, (episode_return, length) in enumerate(results):
+        table.add_row(str(episode), f"{episode_return:.1f}", str(length))
+    Console().print(table)
+    mean = sum(r for r, _ in results) / len(results)
+    print(f"mean return {mean:.1f} over {len(results)} episodes, seed {arguments.seed}")
+    if arguments.csv:
+        with arguments.csv.open("w", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerows([("episode", "return", "length"), *((i, r, n) for i, (r, n) in enumerate(results))])
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
