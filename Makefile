@@ -15,15 +15,30 @@ setup: .venv/.ready ## make the environment (.venv) from pinned versions; nothin
 	@rm -rf build *.egg-info
 	@touch $@
 
+demo: setup ## train a small real grid (12 runs of 3,000 steps), write the report, print its path
+	$(BIN)/python -m src.run sweeps=demo logger=none
+	$(BIN)/python -m analysis report results/demo
+
 test: setup ## the tests (under 12 minutes on 2 cores)
 	$(BIN)/python -m pytest -m "not long and not slurm and not browser"
 
-test-long: setup ## the long tests: many kills, long resumes
+test-long: setup ## the long tests: kills and resumes by the dozen
 	$(BIN)/python -m pytest -m long
 
-check: setup ## ruff, mypy and the fast tests
-	$(BIN)/ruff check . && $(BIN)/ruff format --check .
-	$(BIN)/mypy
-	$(BIN)/python -m pytest -m "not long and not slurm and not browser" tests --ignore=tests/end_to_end
+test-browser: setup ## the report in headless Chromium (install Debian's chromium first)
+	$(BIN)/python -m pytest -m browser
 
-.PHONY: help setup test test-long check
+test-slurm: setup ## a real one-node Slurm from Debian's packages (root: installs slurm-wlm and munge where missing)
+	command -v sbatch >/dev/null && command -v munged >/dev/null || apt-get install -y --no-install-recommends slurm-wlm munge
+	$(BIN)/python -m pytest -m slurm
+
+check: setup ## ruff, mypy and the fast tests
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/python -m pytest -m "not long and not slurm and not browser" --ignore=tests/end_to_end
+
+clean: ## remove caches (never results)
+	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis build *.egg-info
+
+.PHONY: help setup demo test test-long test-browser test-slurm check clean

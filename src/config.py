@@ -251,6 +251,15 @@ def _without_encoder_where_no_spikes(composed: dict[str, Any]) -> dict[str, Any]
     return composed
 
 
+_PATTERNS = {
+    "device": "should be cpu, cuda or cuda:N",
+    "target": "should be the dotted path of a class, such as src.actors.my_actor.MyActor",
+    "label": "should be letters, digits and _ . , = + - [ ] (it becomes a folder)",
+    "study": "should be letters, digits and _ . , = + - [ ] (it becomes a folder)",
+    "name": "should be letters, digits and _ . , = + - [ ] (it becomes a folder)",
+}
+
+
 def _sentence(error: Any) -> str:
     """One pydantic error as a sentence that names the key as the user types it."""
     where = ".".join(str(part) for part in error["loc"] if part not in ("spiking", "mlp", "custom", "td3", "sac"))
@@ -258,6 +267,8 @@ def _sentence(error: Any) -> str:
         return f"{where}: there is no such key; `python -m src.run --cfg job` prints those there are."
     if error["type"] in ("missing", "missing_argument"):
         return f"{where}: this key is missing."
+    if error["type"] == "string_pattern_mismatch":
+        return f"{where}: {_PATTERNS.get(str(error['loc'][-1]), 'not a valid name')}, found {error['input']!r}."
     what = str(error["msg"]).removeprefix("Input should be ").rstrip(".")
     return f"{where}: should be {what}, found {error['input']!r}."
 

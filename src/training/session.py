@@ -15,7 +15,7 @@ from torch import Tensor
 from src.algorithms.build import build_learner
 from src.algorithms.learner import Minibatches
 from src.algorithms.metrics import METRICS, Diverged, IntervalMeans, health_columns
-from src.config import ExperimentConfig
+from src.config import ConfigurationError, ExperimentConfig
 from src.experiment.outcome import Outcome
 from src.experiment.progress import Progress
 from src.experiment.run_directory import RunDirectory
@@ -48,6 +48,8 @@ def train(
         How it ended. ``complete`` leaves ``state/policy.pt``.
     """
     set_numerics(config.threads)
+    if config.device.startswith("cuda") and not torch.cuda.is_available():
+        raise ConfigurationError(f"device: {config.device} was asked for and PyTorch finds no CUDA GPU; use device=cpu.")
     return TrainingSession(config, run, progress).loop(stop_requested)
 
 

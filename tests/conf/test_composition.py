@@ -107,7 +107,7 @@ def test_every_key_has_a_comment(path):
     """On its own line, or the file's first line for the keys that only say what the file is."""
     lines = path.read_text().splitlines()
     assert any(line.startswith("# ") and "@package" not in line for line in lines[:2])
-    exempt = {"name", "kind", "_target_", "hydra", "sweeper", "defaults", "coding", "log_std_max"}
+    exempt = {"name", "kind", "_target_", "hydra", "sweeper", "defaults"}
     block_indent = None
     for line in lines:
         indent = len(line) - len(line.lstrip())
