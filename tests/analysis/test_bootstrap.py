@@ -63,10 +63,14 @@ def test_probability_of_improvement_by_hand():
 def test_probability_of_improvement_interval_agrees_with_rliable():
     np.random.seed(0)
     pairs = {"x,y": (SCORES, OTHER)}
-    theirs = library.get_interval_estimates(pairs, rliable_metrics.probability_of_improvement, reps=1000)[1][
+    theirs = library.get_interval_estimates(pairs, rliable_metrics.probability_of_improvement, reps=500)[1][
         "x,y"
     ].ravel()
-    assert bootstrap.improvement_interval(TASKS, list(OTHER.T)) == pytest.approx(theirs, abs=0.03)
+    assert bootstrap.improvement_interval(TASKS, list(OTHER.T)) == pytest.approx(theirs, abs=0.04)
+
+
+def test_ties_count_half_in_the_interval_too():
+    assert bootstrap.improvement_interval([np.ones(4)], [np.ones(3)]) == (0.5, 0.5)
 
 
 def test_same_seed_same_interval_and_no_global_generator():

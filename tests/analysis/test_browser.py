@@ -85,7 +85,7 @@ def test_no_console_error(mixed_report, tmp_path):
 def test_the_probe_can_fail(tmp_path):
     page = tmp_path / "bad.html"
     page.write_text(
-        "<title>x</title><body><img src='nothing.png'><div style='width:9000px'>x</div>"
+        "<title>x</title><body><img src='http://127.0.0.1:9/nothing.png'><div style='width:9000px'>x</div>"
         "<script>console.error('x')</script>" + PROBE
     )
     result = browse(page, tmp_path, 1280, "--dump-dom")

@@ -86,6 +86,14 @@ def test_variants_never_enter_a_claim_of_the_paper(tmp_path):
     assert row.n == (0, 4) and row.verdict == "undecided" and "no finished run of BPT-SAN" in row.why
 
 
+def test_another_actor_under_the_papers_label_enters_no_claim(tmp_path):
+    write_grid(tmp_path / "s", actors=("popsan",), seeds=4)
+    for seed in range(4):
+        write_run(tmp_path / "s", actor="popsan", label="bptsan", seed=seed, level=9000)
+    rows, _ = verdicts(tmp_path / "s")
+    assert by(rows, "bptsan_over_popsan").n == (0, 4)
+
+
 def test_a_users_claim_may_name_a_variant(tmp_path):
     (tmp_path / "claims.yaml").write_text(
         "alpha: 0.05\npower: 0.8\ntasks: [hopper]\nclaims:\n"

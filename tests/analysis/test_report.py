@@ -32,6 +32,10 @@ def page(study):
     return (study / "report" / "index.html").read_text(encoding="utf-8")
 
 
+def tables_of(study):
+    return json.loads((study / "statistics/tables.json").read_text())
+
+
 def test_same_logs_same_bytes_whatever_the_order_of_folders(mixed_report, tmp_path, monkeypatch):
     """Built again in a process with another hash seed, from folders created in the opposite order."""
     again = tmp_path / "mixed"
@@ -171,8 +175,9 @@ def test_a_task_without_reference_and_an_unknown_actor_are_shown_and_said(tmp_pa
     shutil.copytree(tmp_path / "s/runs/td3/hopper", tmp_path / "s/runs/td3/swimmer")
     for path in (tmp_path / "s/runs/td3/swimmer").rglob("manifest.json"):
         path.write_text(path.read_text().replace('"env": "hopper"', '"env": "swimmer"'))
-    assert main(["report", str(tmp_path / "s")]) == 0
-    html = page(tmp_path / "s")
+    for stage in ("collect", "statistics"):
+        assert main([stage, str(tmp_path / "s")]) == 0
+    html = json.dumps(tables_of(tmp_path / "s"))
     assert (
         "swimmer: no reference score" in html and "swimmer: no claim is about this task" in html and "my_actor" in html
     )
@@ -218,8 +223,10 @@ def test_saturated_runs_are_named(tmp_path):
     frame = pd.read_csv(run / "training.csv")
     frame["layer2_window_share"] = 0.001
     frame.to_csv(run / "training.csv", index=False)
-    assert main(["report", str(tmp_path / "s")]) == 0
-    assert "layer 2 (0.1%): the layer is saturated" in page(tmp_path / "s")
+    for stage in ("collect", "statistics"):
+        assert main([stage, str(tmp_path / "s")]) == 0
+    (note,) = [n for n in tables_of(tmp_path / "s")["notes"] if "saturated" in n]
+    assert "layer 2 (0.1%)" in note and "layer 1" not in note
 
 
 def test_analysis_imports_neither_torch_nor_the_training_code():
