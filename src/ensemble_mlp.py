@@ -1,7 +1,7 @@
 """An ensemble of ReLU networks as one differentiable operation, with its backward written by hand.
 
-Eager autograd spends more time on bookkeeping than on the products of networks this small (batch 100, width 256). Here
-all E networks go through one batched product per layer and the whole network is one node of the graph. The products are:
+Eager autograd spends more time on bookkeeping than on the products of networks this small (batch 100, width 256). Here all
+E networks go through one batched product per layer and the whole network is one node of the graph. The products are:
 
     h_0 = x,   h_k = relu(h_{k-1} W_k + b_k) for k < L,   y = h_{L-1} W_L + b_L
     dW_k = h_{k-1}^T g_k,   db_k = sum_B g_k,   g_{k-1} = (g_k W_k^T) * 1[h_{k-1} > 0]
@@ -12,6 +12,7 @@ all E networks go through one batched product per layer and the whole network is
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import torch
@@ -21,7 +22,7 @@ from src.streams import Streams
 
 
 class _EnsembleMLPFunction(torch.autograd.Function):
-    """``apply(final_relu, first, second, W_1, b_1, ..., W_L, b_L)``: the input is ``cat([first, second], -1)``, or ``first``."""
+    """``apply(final_relu, first, second, W_1, b_1, ..., W_L, b_L)`` on ``cat([first, second], -1)``, or ``first``."""
 
     @staticmethod
     def forward(ctx: Any, final_relu: bool, first: Tensor, second: Tensor | None, *parameters: Tensor) -> Tensor:
@@ -88,7 +89,7 @@ class EnsembleMLP(nn.Module):
         super().__init__()
         self.weights = nn.ParameterList()
         self.biases = nn.ParameterList()
-        for k, (fan_in, fan_out) in enumerate(zip(sizes[:-1], sizes[1:])):
+        for k, (fan_in, fan_out) in enumerate(pairwise(sizes)):
             weight, bias = torch.empty(ensemble, fan_in, fan_out), torch.empty(ensemble, 1, fan_out)
             bound = fan_in**-0.5
             for e in range(ensemble):

@@ -37,8 +37,8 @@ def policy_path(run: Path) -> Path:
     path = run if run.is_file() else run / "state" / "policy.pt"
     if not path.is_file():
         raise ConfigurationError(
-            f"{run}: no trained policy (state/policy.pt) is there. A run leaves it when it completes, and state/ is not in "
-            "git: train the cell on this machine first, or name the policy file."
+            f"{run}: no trained policy (state/policy.pt) is there. A run leaves it when it completes, and state/ is "
+            "not in git: train the cell on this machine first, or name the policy file."
         )
     return path
 

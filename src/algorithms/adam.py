@@ -2,8 +2,8 @@
 
     m <- b1 m + (1 - b1) g,   v <- b2 v + (1 - b2) g^2,   x <- x - lr m_hat / (sqrt(v_hat) + eps)
 
-Betas (0.9, 0.999) and eps 1e-8 are PyTorch's defaults and Spinning Up's. ``tests/algorithms/test_adam.py`` holds it against
-``torch.optim.Adam(fused=True)`` bit for bit.
+Betas (0.9, 0.999) and eps 1e-8 are PyTorch's defaults and Spinning Up's. ``tests/algorithms/test_adam.py`` holds it
+against ``torch.optim.Adam(fused=True)`` bit for bit.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ class FlatAdam:
         self.learning_rate = learning_rate
         self.first_moment, self.second_moment = torch.zeros_like(values), torch.zeros_like(values)
         self.steps = torch.zeros((), dtype=torch.float32, device=values.device)
-        self._lists = ([values], [gradient], [self.first_moment], [self.second_moment], [], [self.steps])
+        moments = ([self.first_moment], [self.second_moment])
+        self._lists: tuple[list[Tensor], ...] = ([values], [gradient], *moments, [], [self.steps])
 
     @torch.no_grad()
     def step(self) -> None:

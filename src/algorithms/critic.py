@@ -25,7 +25,7 @@ class TwinCritic(nn.Module):
         self.networks = EnsembleMLP([observation_size + action_size, *hidden_sizes, 1], 2, streams, "critic")
 
     def forward(self, observation: Tensor, action: Tensor, *, frozen: bool = False) -> Tensor:
-        """Values ``[2, B]`` of observations ``[B, N]`` (normalised) and actions ``[B, M]`` (in the environment's units).
+        """Values ``[2, B]`` of observations ``[B, N]`` (normalised) and actions ``[B, M]``, in its units.
 
         ``frozen`` lets gradients flow to the action only, as an actor's update wants it.
         """

@@ -8,8 +8,8 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from src.ensemble_mlp import EnsembleMLP
 from src.config import SACConfig
+from src.ensemble_mlp import EnsembleMLP
 from src.streams import Streams
 
 

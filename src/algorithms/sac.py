@@ -24,7 +24,9 @@ def tanh_gaussian(mean: Tensor, log_std: Tensor, noise: Tensor, action_limit: fl
     tanh(u): a limit other than 1 would add a constant.
 
     Args:
-        mean, log_std, noise: ``[B, M]``; the noise is standard normal.
+        mean: ``[B, M]``.
+        log_std: ``[B, M]``.
+        noise: ``[B, M]``, standard normal.
         action_limit: bound of the actions.
 
     Returns:
@@ -39,7 +41,7 @@ def tanh_gaussian(mean: Tensor, log_std: Tensor, noise: Tensor, action_limit: fl
 def bellman_target(
     reward: Tensor, terminated: Tensor, next_values: Tensor, next_log_probability: Tensor, discount: float, alpha: float
 ) -> Tensor:
-    """``y = r + gamma (1 - terminated) (min(Q1', Q2') - alpha log pi(a'|s'))``; ``next_values`` ``[2, B]``, else ``[B]``."""
+    """``y = r + gamma (1 - terminated) (min(Q1', Q2') - alpha log pi(a'|s'))``; values ``[2, B]``, else ``[B]``."""
     soft_value = torch.minimum(next_values[0], next_values[1]) - alpha * next_log_probability
     return torch.addcmul(reward, 1.0 - terminated, soft_value, value=discount)
 

@@ -1,6 +1,6 @@
 """Checkpoints that count only when whole: written beside, synced, renamed; the previous one stays until then.
 
-A file is a magic line, the SHA-256 of what follows, and a ``torch.save`` archive that is read with ``weights_only=True``:
+A file is a magic line, the SHA-256 of what follows, and a ``torch.save`` archive read with ``weights_only=True``:
 nothing here unpickles objects. A truncated or corrupt file is recognised by its hash and the one before it is used.
 """
 
@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import torch
+
+from src.experiment.run_directory import CHECKPOINTS
 
 _MAGIC = b"spiking-actor-checkpoint 1\n"
 _KEEP = 2
@@ -28,12 +30,16 @@ def write_archive(path: Path, content: Any) -> None:
     torch.save(content, buffer)
     body = buffer.getbuffer()
     beside = path.with_name(path.name + ".part")
-    with beside.open("wb") as file:
-        file.write(_MAGIC + hashlib.sha256(body).digest())
-        file.write(body)
-        file.flush()
-        os.fsync(file.fileno())
-    beside.replace(path)
+    try:
+        with beside.open("wb") as file:
+            file.write(_MAGIC + hashlib.sha256(body).digest())
+            file.write(body)
+            file.flush()
+            os.fsync(file.fileno())
+        beside.replace(path)
+    except OSError:
+        beside.unlink(missing_ok=True)  # on a full disk it would take the space that the failure's record needs
+        raise
     folder = os.open(path.parent, os.O_RDONLY)
     try:
         os.fsync(folder)
@@ -62,7 +68,7 @@ class CheckpointFolder:
 
     def paths(self) -> list[Path]:
         """Checkpoint files, newest step first."""
-        return sorted(self.folder.glob("checkpoint-*.pt"), reverse=True)
+        return sorted(self.folder.glob(CHECKPOINTS), reverse=True)
 
     def save(self, step: int, content: Any) -> None:
         """Write the checkpoint of ``step`` and drop all but the newest two."""

@@ -18,19 +18,18 @@ from src.algorithms.metrics import METRICS, Diverged, IntervalMeans, health_colu
 from src.config import ConfigurationError, ExperimentConfig
 from src.experiment.outcome import Outcome
 from src.experiment.progress import Progress
-from src.experiment.run_directory import RunDirectory
+from src.experiment.run_directory import REPLAY_FILE, RunDirectory
 from src.streams import Streams
-from src.training.checkpoint import CheckpointFolder
+from src.training.checkpoint import CheckpointFolder, CorruptCheckpoint
 from src.training.collection import make_collector, transitions
 from src.training.environment import TrainingEnvironment
+from src.training.errors import CorruptState
 from src.training.evaluation import Evaluator
 from src.training.live_curves import open_live_curves
 from src.training.normalization import Normalizer
 from src.training.numerics import set_numerics
 from src.training.policy_file import POLICY_FILE, save_policy
 from src.training.replay import make_replay, sample_minibatches
-
-REPLAY_FILE = "replay.bin"
 
 
 def train(
@@ -49,7 +48,7 @@ def train(
     """
     set_numerics(config.threads)
     if config.device.startswith("cuda") and not torch.cuda.is_available():
-        raise ConfigurationError(f"device: {config.device} was asked for and PyTorch finds no CUDA GPU; use device=cpu.")
+        raise ConfigurationError(f"device: {config.device} is asked for and PyTorch finds no CUDA GPU; use cpu.")
     return TrainingSession(config, run, progress).loop(stop_requested)
 
 
@@ -225,7 +224,7 @@ class TrainingSession:
                 "last_return": self.last_return,
             },
         )
-        self.run.update_manifest(step=self.step)
+        self.run.update_manifest(step=self.step, checkpoint_step=self.step)
 
     def _resume(self) -> None:
         """Go on from the newest whole checkpoint; without one, from the beginning."""
@@ -233,6 +232,11 @@ class TrainingSession:
         for note in notes:
             self.progress.note(note)
         if content is None:
+            if (step := self.run.manifest.checkpoint_step) is not None:
+                raise CorruptCheckpoint(
+                    f"the checkpoint of step {step} is gone: restore this run's state/ folder, or start the run over "
+                    "with on_conflict=replace"
+                )
             self.run.cut_after(-1)
             self.replay.truncate(0)
             return
@@ -247,5 +251,29 @@ class TrainingSession:
         self.interval.load_state_dict(content["interval"])
         self.interval_seconds = content["interval_seconds"]
         self.last_return = content["last_return"]
+        self._check_logs()
         self.run.cut_after(self.step)
         self.progress.note(f"resumed at step {self.step}")
+
+    def _check_logs(self) -> None:
+        """Refuse to go on behind rows that are gone: the curve would lack its beginning in silence.
+
+        Raises:
+            CorruptState: a log lacks rows that were written before the checkpoint.
+        """
+        p = self.config.protocol
+        points = range(0, self.step + 1, p.evaluation_interval)
+        expected = {
+            self.run.evaluations: [step for step in points for _ in range(p.evaluation_episodes)],
+            self.run.training: list(points[1:]),
+        }
+        for log, steps in expected.items():
+            try:
+                whole = log.steps(self.step) == steps
+            except ValueError:
+                whole = False
+            if not whole:
+                raise CorruptState(
+                    f"{log.path.name} was changed or deleted: its rows up to step {self.step} are not those that "
+                    "this run wrote. Restore the file, or start the run over with on_conflict=replace."
+                )
