@@ -16,7 +16,7 @@ from src.experiment.decision import Action, Decision, decide
 from src.experiment.hashing import cell_hash, configuration_hash
 from src.experiment.labels import changed_keys, label_of
 from src.experiment.manifest import Manifest
-from src.experiment.run_directory import FILES, RunDirectory
+from src.experiment.run_directory import FILES, RESERVE_FILE, RunDirectory
 
 
 class BusyError(Exception):
@@ -45,6 +45,8 @@ def claim(config: ExperimentConfig) -> Iterator[tuple[RunDirectory, Decision]]:
         if decision.action is Action.CONFLICT:
             raise ConfigurationError(refusal(run.name, decision))
         if decision.action not in (Action.SKIP, Action.DIVERGED):
+            run.remove_leftovers()
+            run.reserve()
             lock.sign_owner(run.path)
             prepare(run, config, decision)
         yield run, decision
@@ -106,6 +108,7 @@ def _resumed(run: RunDirectory, fresh: Manifest, decision: Decision) -> Manifest
     return dataclasses.replace(
         fresh,
         step=step,
+        checkpoint_step=old.checkpoint_step,
         observation_size=old.observation_size,
         action_size=old.action_size,
         parameters=old.parameters,
@@ -128,7 +131,7 @@ def _clear(run: RunDirectory) -> None:
     for name in FILES:
         (run.path / name).unlink(missing_ok=True)
     for entry in run.state.iterdir():
-        if entry.name in ("lock", "owner", "log.txt"):
+        if entry.name in ("lock", "owner", "log.txt", RESERVE_FILE):
             continue
         if entry.is_dir() and not entry.is_symlink():
             shutil.rmtree(entry)

@@ -32,6 +32,17 @@ class CsvLog:
         if len(kept) < len(rows):
             replace_file(self.path, header + b"".join(kept))
 
+    def steps(self, last: int) -> list[int]:
+        """The first column of the rows up to step ``last``, in the order of the file.
+
+        Raises:
+            ValueError: a row that doesn't begin with a number.
+        """
+        if not self.path.exists():
+            return []
+        found = [int(row.split(b",", 1)[0]) for row in self.path.read_bytes().splitlines()[1:]]
+        return [step for step in found if step <= last]
+
     def columns(self) -> tuple[str, ...] | None:
         """The header, or None where nothing has been written yet."""
         try:

@@ -29,6 +29,9 @@ class Action(StrEnum):
 #: Actions that start a job.
 TO_DO = frozenset({Action.RUN, Action.RESUME, Action.RETRY, Action.EXTEND, Action.REPLACE})
 
+#: Kinds of failure that trying again can't mend: with on_conflict=replace such a run starts over.
+DAMAGED = frozenset({"CorruptCheckpoint", "CorruptState"})
+
 
 class Decision(NamedTuple):
     """``reason`` says why, for a person; ``step`` is where the run stands."""
@@ -61,10 +64,10 @@ def decide(config: ExperimentConfig, lock_is_ours: bool = False) -> Decision:
         return Decision(Action.RUN)
     if manifest.configuration_hash != configuration_hash(config):
         return _conflict(config, _difference(run, manifest, config), manifest.step)
-    return _same_configuration(manifest, config)
+    return _same_configuration(run, manifest, config)
 
 
-def _same_configuration(manifest: Manifest, config: ExperimentConfig) -> Decision:
+def _same_configuration(run: RunDirectory, manifest: Manifest, config: ExperimentConfig) -> Decision:
     asked, step = config.protocol.total_steps, manifest.step
     if manifest.status == "diverged":
         return Decision(Action.DIVERGED, manifest.failure.message if manifest.failure else "", step)
@@ -74,8 +77,16 @@ def _same_configuration(manifest: Manifest, config: ExperimentConfig) -> Decisio
     if manifest.status == "complete":
         if asked == step:
             return Decision(Action.SKIP, "", step)
+        if not run.can_be_extended:
+            reason = (
+                f"it is complete at {step} steps and can't be extended to {asked}: its replay and checkpoint "
+                "were not kept (keep_replay=true, given from the start, keeps them)."
+            )
+            return _conflict(config, reason, step)
         return Decision(Action.EXTEND, f"from {step} to {asked} steps", step)
     if manifest.status == "failed":
+        if manifest.failure and manifest.failure.kind in DAMAGED and config.on_conflict == "replace":
+            return _conflict(config, manifest.failure.message, step)
         why = f"failed at step {step}: {manifest.failure.message}" if manifest.failure else f"failed at step {step}"
         return Decision(Action.RETRY, why, step)
     return Decision(Action.RESUME, f"stopped at about step {step}", step)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import traceback
+from collections.abc import Callable
 from contextlib import suppress
 
 from src.config import ExperimentConfig
@@ -30,8 +31,13 @@ class RunFailedError(Exception):
     """A run ended with an error that is recorded in its directory. The message is for the user."""
 
 
-def execute(config: ExperimentConfig, progress: Progress) -> Outcome:
+def execute(config: ExperimentConfig, progress: Progress, also_stop: Callable[[], bool] | None = None) -> Outcome:
     """Train one cell from wherever it stands.
+
+    Args:
+        config: the cell.
+        progress: where a person watches.
+        also_stop: asked besides the signals of :mod:`src.experiment.signals` whether to stop.
 
     Raises:
         BusyError: a live process holds the run directory.
@@ -39,6 +45,14 @@ def execute(config: ExperimentConfig, progress: Progress) -> Outcome:
         RunFailedError: the run failed; ``failure.txt`` and the manifest say why.
         KeyboardInterrupt: a second SIGINT.
     """
+    try:
+        return _execute(config, progress)
+    except OSError as error:  # before the run has begun or after its end: it could not be recorded
+        name = RunDirectory(RunDirectory.path_of(config)).name
+        raise RunFailedError(f"{name} failed: {reason(error)}") from error
+
+
+def _execute(config: ExperimentConfig, progress: Progress) -> Outcome:
     with claim(config) as (run, decision):
         if decision.action is Action.SKIP:
             return Outcome("complete", decision.step, "already complete")
@@ -46,7 +60,7 @@ def execute(config: ExperimentConfig, progress: Progress) -> Outcome:
             return Outcome("diverged", decision.step, decision.reason)
         heartbeat = Heartbeat(run, progress)
         try:
-            outcome = _train(config, run, heartbeat)
+            outcome = _train(config, run, heartbeat, also_stop)
         except KeyboardInterrupt:
             run.update_manifest(
                 status="interrupted", step=heartbeat.step, wall_time_seconds=heartbeat.wall_time_seconds
@@ -60,16 +74,19 @@ def execute(config: ExperimentConfig, progress: Progress) -> Outcome:
         _record(run, heartbeat, outcome)
         if outcome.status == "complete" and not config.keep_replay:
             _shrink(run)
+        run.give_back_reserve()
         return outcome
 
 
-def _train(config: ExperimentConfig, run: RunDirectory, progress: Progress) -> Outcome:
+def _train(
+    config: ExperimentConfig, run: RunDirectory, progress: Progress, also_stop: Callable[[], bool] | None
+) -> Outcome:
     threads.set_before_torch(config.threads)
     with stop_request() as stop:
         from src.training.session import train  # torch loads here, after the thread variables are set
 
         threads.set_in_torch(config.threads)
-        return train(config, run, progress, stop)
+        return train(config, run, progress, stop if also_stop is None else lambda: stop() or also_stop())
 
 
 def _shrink(run: RunDirectory) -> None:
@@ -93,8 +110,11 @@ def _record(run: RunDirectory, heartbeat: Heartbeat, outcome: Outcome) -> None:
 
 
 def _record_error(run: RunDirectory, heartbeat: Heartbeat, error: BaseException) -> None:
-    """On a full disk even this may fail: the manifest then still says ``running``, and its lock is free."""
-    run.log.error("failed", exc_info=error)
+    """Where even this fails (a folder gone read-only) the manifest still says ``running``, and its lock is free."""
+    with suppress(OSError):
+        run.give_back_reserve()
+    with suppress(OSError):
+        run.log.error("failed", exc_info=error)
     with suppress(OSError):
         (run.path / "failure.txt").write_text("".join(traceback.format_exception(error)))
     with suppress(OSError):

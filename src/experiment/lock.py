@@ -18,6 +18,7 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from src.experiment import manifest as manifests
+from src.experiment.atomic import replace_file
 from src.experiment.machine import boot_token
 
 #: A running manifest of another machine with an older sign of life belongs to a dead process.
@@ -57,7 +58,7 @@ def alive_elsewhere(run: Path, manifest: manifests.Manifest | None) -> bool:
 
 def sign_owner(run: Path) -> None:
     """Note under which boot the run directory was claimed."""
-    (run / "state" / "owner").write_text(boot_token())
+    replace_file(run / "state" / "owner", boot_token().encode())  # a torn one would look like another machine's
 
 
 def wait_for_silence(run: Path, sleep: Callable[[float], None] = time.sleep) -> bool:

@@ -47,6 +47,7 @@ class Manifest:
     device: str
     status: Status = "running"
     step: int = 0
+    checkpoint_step: int | None = None
     changed_keys: dict[str, Any] = field(default_factory=dict)
     observation_size: int | None = None
     action_size: int | None = None

@@ -18,6 +18,12 @@ from src.experiment.labels import label_of
 from src.experiment.machine import ROOT
 from src.experiment.manifest import Manifest
 
+#: In ``state/``: the replay, and the checkpoints, which must both be there for a complete run to be extended.
+REPLAY_FILE = "replay.bin"
+CHECKPOINTS = "checkpoint-*.pt"
+#: In ``state/``: space that a run gives back when it fails, so that even on a full disk its manifest can say why.
+RESERVE_FILE = "reserve"
+RESERVE_BYTES = 2**16
 #: What a run directory holds besides ``state/``.
 FILES = ("config.yaml", "manifest.json", "evaluations.csv", "training.csv", "failure.txt")
 
@@ -67,6 +73,31 @@ class RunDirectory:
             handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
             logger.addHandler(handler)
         return logger
+
+    @property
+    def can_be_extended(self) -> bool:
+        """Whether ``state/`` still holds what a longer run goes on from."""
+        return (self.state / REPLAY_FILE).exists() and any(self.state.glob(CHECKPOINTS))
+
+    def reserve(self) -> None:
+        """Set space aside for the last words of a run that dies of a full disk.
+
+        Raises:
+            OSError: there is no space even for that.
+        """
+        (self.state / RESERVE_FILE).write_bytes(bytes(RESERVE_BYTES))
+
+    def give_back_reserve(self) -> None:
+        """Free that space."""
+        (self.state / RESERVE_FILE).unlink(missing_ok=True)
+
+    def remove_leftovers(self) -> None:
+        """Delete what a kill has left of files that were being replaced."""
+        for name in FILES:
+            for beside in self.path.glob(f".{name}.*"):
+                beside.unlink(missing_ok=True)
+        for beside in self.state.glob("*.part"):
+            beside.unlink(missing_ok=True)
 
     def cut_after(self, step: int) -> None:
         """Drop what was logged after ``step``: a resumed run goes on from its checkpoint, not from its last row."""

@@ -33,7 +33,7 @@ class StopRequest:
 
 @contextmanager
 def stop_request() -> Iterator[StopRequest]:
-    """Install the handlers where nobody else has: submitit's own (USR2, and SIGTERM ignored) are left alone."""
+    """Install the handlers where nobody else has: submitit's own (SIGTERM ignored) are left alone."""
     request = StopRequest()
     wanted = {
         signal.SIGTERM: (signal.SIG_DFL, request.terminate),

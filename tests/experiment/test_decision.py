@@ -44,7 +44,12 @@ def test_the_same_configuration_again(tmp_path, changes, action):
 
 
 def test_a_larger_total_extends_and_a_smaller_one_is_refused(tmp_path):
-    ended(tmp_path)
+    _, run = ended(tmp_path)
+    gone = decide(smoke(tmp_path, "protocol.total_steps=4000"))
+    assert gone.action is Action.CONFLICT and "can't be extended to 4000" in gone.reason
+    assert decide(smoke(tmp_path, "protocol.total_steps=4000", "on_conflict=replace")).action is Action.REPLACE
+    for name in ("replay.bin", "checkpoint-000000002000.pt"):
+        (run.state / name).touch()
     assert decide(smoke(tmp_path, "protocol.total_steps=4000")).action is Action.EXTEND
     smaller = decide(smoke(tmp_path, "protocol.total_steps=1000"))
     assert smaller.action is Action.CONFLICT and "1000 is smaller than the 2000 steps" in smaller.reason
@@ -83,13 +88,32 @@ def test_replace_deletes_the_old_run_only_when_the_job_starts(tmp_path):
         assert decision.action is Action.REPLACE
         assert again.read_manifest().status == "running"
     assert sorted(each.name for each in run.path.iterdir()) == ["config.yaml", "manifest.json", "state"]
-    assert {each.name for each in run.state.iterdir()} <= {"lock", "owner", "log.txt"}
+    assert {each.name for each in run.state.iterdir()} <= {"lock", "owner", "log.txt", "reserve"}
     assert again.read_config()["normalize_observations"] is False
 
 
 def test_on_conflict_replace_leaves_a_run_of_the_same_configuration_alone(tmp_path):
     ended(tmp_path)
     assert decide(smoke(tmp_path, "on_conflict=replace")).action is Action.SKIP
+
+
+def test_a_run_with_damaged_state_starts_over_only_when_asked_to(tmp_path):
+    config, run = ended(tmp_path, status="failed", step=500)
+    run.update_manifest(failure=Failure("CorruptCheckpoint", "no whole checkpoint is left", 500))
+    assert decide(config).action is Action.RETRY
+    assert decide(dataclasses.replace(config, on_conflict="replace")).action is Action.REPLACE
+    run.update_manifest(failure=Failure("OSError", "the disk is full", 500))
+    assert decide(dataclasses.replace(config, on_conflict="replace")).action is Action.RETRY
+
+
+def test_leftovers_of_a_kill_are_removed_and_space_for_last_words_is_reserved(tmp_path):
+    config, run = ended(tmp_path, status="interrupted", step=500)
+    left = [run.path / ".manifest.json.abcd1234", run.state / "checkpoint-000000000500.pt.part"]
+    for each in left:
+        each.write_text("half")
+    with claim(config) as (again, _):
+        assert not any(each.exists() for each in left)
+        assert (again.state / "reserve").stat().st_size == 2**16
 
 
 def test_the_config_is_written_once(tmp_path):

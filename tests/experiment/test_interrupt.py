@@ -102,6 +102,12 @@ def test_a_single_run_is_interrupted_resumes_and_is_skipped(tmp_path):
     third = run(tmp_path, "protocol=smoke")
     assert third.code == 0 and "0 to do, 1 done" in third.out and len(calls(tmp_path)) == 2, third
     longer = run(tmp_path, "protocol=smoke", "protocol.total_steps=3000")
+    assert longer.code == 2 and "keep_replay=true" in longer.err and manifest(tmp_path)["step"] == 2000, longer
+
+
+def test_a_complete_run_whose_replay_was_kept_is_extended(tmp_path):
+    assert run(tmp_path, "protocol=smoke", "keep_replay=true").code == 0
+    longer = run(tmp_path, "protocol=smoke", "protocol.total_steps=3000")
     assert longer.code == 0 and manifest(tmp_path)["step"] == 3000, longer
 
 

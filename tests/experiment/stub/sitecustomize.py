@@ -56,6 +56,8 @@ def train(config, run, progress, stop_requested):
         run.evaluations.append(step, [(float(step) / 3, 7), (1.0, 8)])
         run.training.append({"step": step, "critic_loss": None, "steps_per_second": 100.0})
         checkpoint.write_text(str(step))
+        (run.state / "checkpoint-1.pt").touch()
+        (run.state / "replay.bin").touch()
         progress.update(step, float(step) / 3, 100.0)
         if stop_requested() and step < total:
             return Outcome("interrupted", step, f"checkpoint written at step {step}")
@@ -63,7 +65,8 @@ def train(config, run, progress, stop_requested):
 
 
 def shrink_state(run):
-    (run.state / "checkpoint").unlink(missing_ok=True)
+    for name in ("checkpoint", "checkpoint-1.pt", "replay.bin"):
+        (run.state / name).unlink(missing_ok=True)
 
 
 if "STUB" in os.environ:
