@@ -46,13 +46,13 @@ def execute(config: ExperimentConfig, progress: Progress, also_stop: Callable[[]
         KeyboardInterrupt: a second SIGINT.
     """
     try:
-        return _execute(config, progress)
+        return _execute(config, progress, also_stop)
     except OSError as error:  # before the run has begun or after its end: it could not be recorded
         name = RunDirectory(RunDirectory.path_of(config)).name
         raise RunFailedError(f"{name} failed: {reason(error)}") from error
 
 
-def _execute(config: ExperimentConfig, progress: Progress) -> Outcome:
+def _execute(config: ExperimentConfig, progress: Progress, also_stop: Callable[[], bool] | None) -> Outcome:
     with claim(config) as (run, decision):
         if decision.action is Action.SKIP:
             return Outcome("complete", decision.step, "already complete")

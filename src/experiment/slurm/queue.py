@@ -11,7 +11,10 @@ from typing import NamedTuple
 DEFAULT_ARRAY_LIMIT = 1001
 #: States in which a job is over for good. A requeued job is PENDING.
 OVER = frozenset(
-    "COMPLETED FAILED CANCELLED TIMEOUT OUT_OF_MEMORY NODE_FAIL PREEMPTED BOOT_FAIL DEADLINE REVOKED GONE".split()
+    {
+        *("COMPLETED", "FAILED", "CANCELLED", "TIMEOUT", "OUT_OF_MEMORY", "NODE_FAIL"),
+        *("PREEMPTED", "BOOT_FAIL", "DEADLINE", "REVOKED", "GONE"),
+    }
 )
 #: Not the run's fault: the same command again resumes it.
 INTERRUPTING = frozenset({"CANCELLED", "TIMEOUT", "PREEMPTED"})

@@ -6,7 +6,6 @@ this process, ends the watching only: the jobs go on.
 
 from __future__ import annotations
 
-import os
 import time
 from collections import Counter
 from collections.abc import Mapping
@@ -76,7 +75,7 @@ class Watch:
             self._seen_over.pop(job, None)
             return False
         if self._seen_over.get(job) == state.state:
-            os.listdir(self._jobs[job].run.path.parent)  # has a network file system look again
+            list(self._jobs[job].run.path.parent.glob("*"))  # has a network file system look again
             return True
         self._seen_over[job] = state.state
         return False

@@ -16,7 +16,7 @@ from hydra.core.override_parser.types import Override
 from hydra.core.plugins import Plugins
 from hydra.plugins.sweeper import Sweeper
 from hydra.types import HydraContext, TaskFunction
-from hydra_plugins.testbed.launcher import LocalLauncher
+from hydra_plugins.testbed.cell_launcher import CellLauncher
 from omegaconf import DictConfig
 from rich.console import Console
 
@@ -55,14 +55,16 @@ class GridSweeper(Sweeper):
         plan = make_plan(configs)
         dry = any(config.dry_run for config in configs)
         console = Console()
-        local = self._launcher if isinstance(self._launcher, LocalLauncher) else None
-        at_once = local.jobs_at_once(max(c.threads for c in configs)) if local else len(plan.to_do)
+        ours = self._launcher if isinstance(self._launcher, CellLauncher) else None
+        at_once = len(plan.to_do)
+        if ours:
+            at_once = min(at_once, ours.jobs_at_once(max(c.threads for c in configs)))
         show(plan, console, max(at_once, 1), with_cost=dry)
         if dry:
             return
         check_writable(configs[0])
-        if local:
-            endings = local.run_cells(plan.to_do)
+        if ours:
+            endings = ours.run_cells(plan.to_do)
         else:
             self._launch_elsewhere(plan, jobs)
             endings = [ending(cell) for cell in plan.to_do]
