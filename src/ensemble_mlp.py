@@ -1,7 +1,7 @@
 """An ensemble of ReLU networks as one differentiable operation, with its backward written by hand.
 
-Eager autograd spends more time on bookkeeping than on the products of networks this small (batch 100, width 256). Here all
-E networks go through one batched product per layer and the whole network is one node of the graph. The products are:
+Eager autograd spends more time on bookkeeping than on the products of networks this small (batch 100, width 256). Here
+all E networks go through one batched product per layer, and the whole network is one node of the graph:
 
     h_0 = x,   h_k = relu(h_{k-1} W_k + b_k) for k < L,   y = h_{L-1} W_L + b_L
     dW_k = h_{k-1}^T g_k,   db_k = sum_B g_k,   g_{k-1} = (g_k W_k^T) * 1[h_{k-1} > 0]

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import importlib
 
+import torch
 from torch import nn
 
+from src.actors.actor import Actor
 from src.actors.mlp_actor import MLPActor
 from src.actors.population_encoder import PopulationEncoder
 from src.actors.spiking_actor import SpikingActor
@@ -57,11 +59,13 @@ def _custom_actor(
         encoder = PopulationEncoder(config.encoder, observation_size, time_steps)
     sizes = {"observation_size": observation_size, "action_size": action_size}
     try:
-        built = target(**sizes, streams=streams, encoder=encoder, **actor.arguments)
+        with torch.random.fork_rng(devices=[]):  # torch.nn's own initialisation draws from the global generator
+            torch.manual_seed(streams.integer("initialisation", "actor"))
+            built = target(**sizes, streams=streams, encoder=encoder, **actor.arguments)
     except TypeError as error:
         raise ConfigurationError(f"actor.arguments: {actor.target} does not take them ({error}).") from error
-    if not isinstance(built, nn.Module):
+    if not isinstance(built, Actor):
         raise ConfigurationError(
-            f"actor.target: {actor.target} should give a torch.nn.Module, gave {type(built).__name__}."
+            f"actor.target: {actor.target} should be a subclass of src.actors.actor.Actor, is {type(built).__name__}."
         )
     return built

@@ -9,6 +9,7 @@ import pytest
 import torch
 from torch import nn
 
+from src.actors.actor import Actor
 from src.actors.build import build_actor
 from src.actors.mlp_actor import MLPActor
 from src.config import ConfigurationError
@@ -219,7 +220,7 @@ def test_aan_trunk_and_head():
     assert torch.equal(actor.head(features), actor(observations()))
 
 
-class Custom(nn.Module):
+class Custom(Actor):
     """A custom actor as CONTRIBUTING.md describes it."""
 
     def __init__(self, observation_size, action_size, streams, encoder, width=4):
