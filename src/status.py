@@ -58,8 +58,8 @@ def show(grid: Sequence[Row], console: Console) -> None:
         table.add_column("done" if state == "complete" else state)
     if missing:
         table.add_column("missing")
-    for column in ("last return", "steps", "steps/s", "time left"):
-        table.add_column(column, justify="right")
+    for column in ("return", "steps", "steps/s", "time left"):
+        table.add_column(column, justify="right", no_wrap=True)
     for row in grid:
         seeds = [ranges(row.seeds(state)) for state in present] + ([ranges(row.missing)] if missing else [])
         table.add_row(row.algo, row.env, row.label, row.encoder, *seeds, *_progress(row.runs))
@@ -83,10 +83,18 @@ def _progress(runs: Sequence[RunState]) -> tuple[str, str, str, str]:
     behind = min(runs, key=lambda run: run.step)
     return (
         number(sum(returns) / len(returns) if returns else None),
-        f"{behind.step}/{behind.total_steps}",
+        f"{thousands(behind.step)}/{thousands(behind.total_steps)}",
         f"{sum(rates) / len(rates):.0f}" if rates else "-",
         duration(max(left)) if left else "-",
     )
+
+
+def thousands(steps: int) -> str:
+    """``500``, ``27.8k``, ``100k``, ``1M``: short enough for a narrow terminal."""
+    for size, unit in ((1_000_000, "M"), (1_000, "k")):
+        if steps >= size:
+            return f"{steps / size:.3g}{unit}"
+    return str(steps)
 
 
 def ranges(seeds: Sequence[int]) -> str:

@@ -32,8 +32,8 @@ def test_the_table_shows_every_seed_under_its_state(study, capsys, monkeypatch):
     out = capsys.readouterr().out
     rows = {line.split()[2]: line.split() for line in out.splitlines() if line.startswith("td3")}
     # algo env label encoder | done interrupted failed (diverged: none) | return, steps, steps/s, time left
-    assert rows["bptsan"][4:] == ["0", "1", "3", "15.0", "500/2000", "50", "-"]
-    assert rows["aan"][4:] == ["0", "1,3", "15.0", "700/2000", "50", "-"]
+    assert rows["bptsan"][4:] == ["0", "1", "3", "15.0", "500/2k", "50", "-"]
+    assert rows["aan"][4:] == ["0", "1,3", "15.0", "700/2k", "50", "-"]
     assert "runs: 1 done, 1 interrupted, 1 failed, 1 diverged, 2 missing" in out
     assert "failed: td3/hopper/bptsan/poisson/seed_3: the disk is full" in out
     assert "diverged: td3/hopper/aan/none/seed_0: nan at step 700" in out
