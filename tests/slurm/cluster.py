@@ -66,7 +66,11 @@ class Cluster:
     def __init__(self):
         self.folder = Path(tempfile.mkdtemp(prefix="slurm-", dir="/tmp"))  # short: sockets have at most 107 characters
         self.environment = {
-            **{key: value for key, value in os.environ.items() if not key.startswith(("SLURM_", "SBATCH_", "SUBMITIT_"))},
+            **{
+                key: value
+                for key, value in os.environ.items()
+                if not key.startswith(("SLURM_", "SBATCH_", "SUBMITIT_"))
+            },
             "SLURM_CONF": str(self.folder / "slurm.conf"),
             "PATH": os.environ["PATH"] + os.pathsep + "/usr/sbin" + os.pathsep + "/sbin",
         }
@@ -137,7 +141,9 @@ class Cluster:
                 )
 
     def _run(self, *command, configured=True):
-        environment = self.environment if configured else {k: v for k, v in self.environment.items() if k != "SLURM_CONF"}
+        environment = (
+            self.environment if configured else {k: v for k, v in self.environment.items() if k != "SLURM_CONF"}
+        )
         done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60)
         return done.stdout
 
@@ -145,7 +151,12 @@ class Cluster:
         with (self.folder / f"{command[0]}.out").open("wb") as out:
             self._processes.append(
                 subprocess.Popen(
-                    command, env=self.environment, stdin=subprocess.DEVNULL, stdout=out, stderr=out, start_new_session=True
+                    command,
+                    env=self.environment,
+                    stdin=subprocess.DEVNULL,
+                    stdout=out,
+                    stderr=out,
+                    start_new_session=True,
                 )
             )
 

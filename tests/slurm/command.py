@@ -1,0 +1,48 @@
+"""``python -m src.run -m hydra/launcher=slurm`` as a user types it, with the real trainer or the pretending one."""
+
+import json
+import os
+import subprocess
+import sys
+
+from tests.experiment.command import ROOT, STUB
+
+#: Real training, small: every phase of the protocol, and three checkpoints.
+TRAINING = (
+    "protocol=smoke",
+    "protocol.total_steps=1500",
+    "protocol.evaluation_interval=500",
+    "protocol.checkpoint_interval=500",
+    "algo.batch_size=16",
+    "algo.critic_hidden_sizes=[32,32]",
+    "actor.hidden_sizes=[32,32]",
+    "env.max_episode_steps=100",
+    "label=${actor.name}",
+    "logger=none",
+)
+QUICK = ("hydra/launcher=slurm", "hydra.launcher.poll_seconds=0.5", "hydra.launcher.mem_gb=1")
+
+
+def submit(cluster, results, *arguments, stub=None):
+    """Start the command; ``stub`` is a plan for the pretending trainer (see tests/experiment/stub)."""
+    environment = {**cluster.environment, "COLUMNS": "200"}
+    if stub is not None:
+        environment |= {"PYTHONPATH": f"{STUB}{os.pathsep}{ROOT}", "STUB": json.dumps(stub)}
+    return subprocess.Popen(
+        [sys.executable, "-m", "src.run", "-m", *QUICK, *arguments, f"results_dir={results}"],
+        cwd=ROOT,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def job_of(results, run):
+    """The Slurm job that was submitted last for this run directory."""
+    jobs = {}
+    for line in (results / ".sweeps" / "slurm" / "jobs.jsonl").read_text().splitlines():
+        entry = json.loads(line)
+        jobs[(results / ".sweeps" / "slurm" / entry["run"]).resolve()] = entry["job"]
+    return jobs[run.resolve()]

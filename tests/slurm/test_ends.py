@@ -1,0 +1,101 @@
+"""However a job ends, manifest, closing table and exit code say the same, and nothing waits for ever."""
+
+import re
+import subprocess
+
+import pytest
+
+from tests.experiment.command import Done, calls, manifest, run_path
+from tests.slurm.cluster import wait_for
+from tests.slurm.command import job_of, submit
+
+pytestmark = pytest.mark.slurm
+
+
+def test_a_failing_cell_and_one_that_dies_without_a_word(cluster, tmp_path):
+    grid = ("protocol=smoke", "seed=range(3)")
+    done = Done(submit(cluster, tmp_path, *grid, stub={"0": "raise", "1": "kill"}), timeout=120)
+    assert done.code == 1, done
+    assert manifest(tmp_path, 0)["failure"]["message"] == "RuntimeError: boom"
+    assert manifest(tmp_path, 1)["status"] == "failed"
+    assert manifest(tmp_path, 1)["failure"]["kind"] == "its job ended in Slurm as FAILED"
+    assert manifest(tmp_path, 2)["status"] == "complete"
+    table = done.out[done.out.index("finished:") :]
+    assert re.search(
+        r"^failed +td3/hopper/bptsan/poisson/seed_0  RuntimeError: boom\n +read \S+failure.txt", table, re.M
+    )
+    assert re.search(r"^failed +td3/hopper/bptsan/poisson/seed_1 .*Slurm as FAILED.*\n +read \S+_log.err", table, re.M)
+    states = cluster.run("squeue", "-h", "-r", "-t", "all", "-o", "%T", "-j", job_of(tmp_path, run_path(tmp_path, 0)))
+    assert states.split() == ["FAILED"]
+
+    again = Done(submit(cluster, tmp_path, *grid, stub={}), timeout=120)
+    assert again.code == 0, again
+    assert "finished: 2 complete" in again.out
+
+
+def test_a_cancelled_task_takes_no_other_with_it(cluster, tmp_path):
+    grid = ("protocol=smoke", "seed=range(3)")  # two cores: the third waits
+    process = submit(cluster, tmp_path, *grid, stub={"sleep": 3.0})
+    wait_for(lambda: (run_path(tmp_path, 1) / "state" / "calls").exists(), 60, "the second job")
+    for seed in (1, 2):
+        job = job_of(tmp_path, run_path(tmp_path, seed))
+        subprocess.run(["scancel", job], env=cluster.environment, check=True)
+    done = Done(process, timeout=120)
+    assert done.code == 75, done
+    assert "finished: 2 interrupted, 1 complete" in done.out
+    assert done.out.count("cancelled in Slurm") == 2
+    assert manifest(tmp_path, 0)["status"] == "complete"
+    assert manifest(tmp_path, 1)["status"] == "interrupted"
+    again = Done(submit(cluster, tmp_path, *grid, stub={}), timeout=120)
+    assert again.code == 0, again
+
+
+def test_a_time_limit_is_a_checkpoint_and_a_requeue(cluster, tmp_path):
+    """One minute is Slurm's shortest limit; it warns up to half a minute early."""
+    process = submit(
+        cluster,
+        tmp_path,
+        "protocol=smoke",
+        "protocol.total_steps=17_000",  # 34 times 1.5 s: more than the warning leaves
+        "hydra.launcher.timeout_min=1",
+        "hydra.launcher.signal_delay_s=20",
+        "seed=0",
+        stub={"sleep": 1.5},
+    )
+
+    def ended():
+        cluster.start_requeued()
+        return process.poll() is not None
+
+    wait_for(ended, 240, "the end")
+    done = Done(process)
+    assert done.code == 0, done
+    assert manifest(tmp_path)["status"] == "complete"
+    starts = [int(line.split()[-1]) for line in calls(tmp_path)]
+    assert len(starts) >= 2 and starts[1] >= 500
+    steps = [int(row.split(",")[0]) for row in (run_path(tmp_path) / "training.csv").read_text().splitlines()[1:]]
+    assert steps == list(range(500, 17_001, 500))
+
+
+def test_no_time_outs_left_is_interrupted_not_failed(cluster, tmp_path):
+    process = submit(
+        cluster,
+        tmp_path,
+        "protocol=smoke",
+        "protocol.total_steps=17_000",
+        "hydra.launcher.timeout_min=1",
+        "hydra.launcher.max_num_timeout=0",
+        "seed=0",
+        "hydra.launcher.signal_delay_s=20",
+        stub={"sleep": 0.5},
+    )
+    wait_for(lambda: (run_path(tmp_path) / "state" / "checkpoint").exists(), 60, "a checkpoint")
+    # every end of a one-minute job counts as a time-out
+    subprocess.run(
+        ["scancel", "--signal=USR2", job_of(tmp_path, run_path(tmp_path))], env=cluster.environment, check=True
+    )
+    done = Done(process, timeout=120)
+    assert done.code == 75, done
+    assert manifest(tmp_path)["status"] == "interrupted"
+    assert Done(submit(cluster, tmp_path, "protocol=smoke", "protocol.total_steps=17_000", stub={})).code == 0
+    assert len(calls(tmp_path)) == 2
