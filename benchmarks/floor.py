@@ -1,0 +1,123 @@
+"""The floor of an update: the matrix products that it can't avoid, and nothing else.
+
+Shapes are those of the networks (METHOD sections 1 and 3), forward and backward, with every operand allocated beforehand:
+
+    y = x W          [B, in] x [in, out]      forward
+    dW = x^T g       [in, B] x [B, out]       gradient of the weights
+    dx = g W^T       [B, out] x [out, in]     gradient of the input, where something below learns
+
+A spiking layer has T*B rows and, with dendrites, d*n columns. The first layer's input gradient needs only B rows, because both
+spike codings are linear in time for the gradient.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from src.config import ExperimentConfig, SACConfig, SpikingActorConfig
+
+
+class Product(NamedTuple):
+    """``out[m, n] = left[m, k] @ right[k, n]``."""
+
+    left: Tensor
+    right: Tensor
+    out: Tensor
+
+    @property
+    def flops(self) -> int:
+        """Floating-point operations."""
+        return 2 * self.left.shape[0] * self.left.shape[1] * self.right.shape[1]
+
+
+class _Layer:
+    """Operands of one linear layer."""
+
+    def __init__(self, rows: int, inputs: int, outputs: int, input_rows: int | None = None) -> None:
+        self.x, self.w, self.g = torch.rand(rows, inputs), torch.rand(inputs, outputs), torch.rand(rows, outputs)
+        self.y, self.dw, self.dx = torch.empty(rows, outputs), torch.empty(inputs, outputs), torch.empty(rows, inputs)
+        self.input_rows = rows if input_rows is None else input_rows
+
+    def forward(self) -> Product:
+        return Product(self.x, self.w, self.y)
+
+    def weight_gradient(self) -> Product:
+        return Product(self.x.t(), self.g, self.dw)
+
+    def input_gradient(self) -> Product:
+        rows = self.input_rows
+        return Product(self.g[:rows], self.w.t(), self.dx[:rows])
+
+
+def _mlp(rows: int, sizes: Sequence[int]) -> list[_Layer]:
+    return [_Layer(rows, i, o) for i, o in pairwise(sizes)]
+
+
+def _actor(config: ExperimentConfig, observation_size: int, action_size: int) -> tuple[list[_Layer], bool]:
+    """Layers of the actor, and whether its input learns (the encoder's receptive fields)."""
+    actor, batch = config.actor, config.algo.batch_size
+    if not isinstance(actor, SpikingActorConfig):
+        return _mlp(batch, (observation_size, *actor.hidden_sizes, action_size)), False  # type: ignore[union-attr]
+    rows, d = batch * actor.time_steps, actor.dendritic.branches
+    sizes = (observation_size * config.encoder.population_size, *actor.hidden_sizes)
+    layers = [_Layer(rows, i, d * o) for i, o in pairwise(sizes)]
+    layers.append(_Layer(rows, sizes[-1], action_size * actor.output_population))
+    layers[0].input_rows = batch
+    return layers, config.encoder.learnable
+
+
+def _all_forward(layers: list[_Layer]) -> list[Product]:
+    return [layer.forward() for layer in layers]
+
+
+def _all_backward(layers: list[_Layer], *, weights: bool, to_input: bool) -> list[Product]:
+    products = []
+    for index, layer in reversed(list(enumerate(layers))):
+        if weights:
+            products.append(layer.weight_gradient())
+        if index > 0 or to_input:
+            products.append(layer.input_gradient())
+    return products
+
+
+def products_of_a_burst(config: ExperimentConfig, observation_size: int, action_size: int) -> list[Product]:
+    """The products of ``protocol.update_every`` updates, in their order."""
+    batch, algo = config.algo.batch_size, config.algo
+    sizes = (observation_size + action_size, *algo.critic_hidden_sizes, 1)
+    critics, targets = [_mlp(batch, sizes) for _ in range(2)], [_mlp(batch, sizes) for _ in range(2)]
+    (actor, encoder_learns), (next_actor, _) = (_actor(config, observation_size, action_size) for _ in range(2))
+    log_std: list[_Layer] = []
+    if isinstance(algo, SACConfig):
+        shared = algo.log_std_network == "shared"
+        hidden = (algo.critic_hidden_sizes[-1],) if shared else (observation_size, *algo.log_std_hidden_sizes)
+        log_std = _mlp(batch, (*hidden, action_size))
+    critic_step = [*_all_forward(next_actor), *_all_forward(log_std)]
+    for network in targets:
+        critic_step += _all_forward(network)
+    for network in critics:
+        critic_step += [*_all_forward(network), *_all_backward(network, weights=True, to_input=False)]
+    actor_step = [*_all_forward(actor), *_all_forward(log_std)]
+    for network in critics if isinstance(algo, SACConfig) else critics[:1]:
+        actor_step += _all_forward(network)
+        below = _all_backward(network, weights=False, to_input=True)
+        first = network[0]  # of the first layer only the action's columns
+        below[-1] = Product(first.g, first.w[observation_size:].t(), first.dx[:, :action_size].contiguous())
+        actor_step += below
+    actor_step += _all_backward(actor, weights=True, to_input=encoder_learns)
+    actor_step += _all_backward(log_std, weights=True, to_input=False)
+    delay = getattr(algo, "policy_delay", 1)
+    burst: list[Product] = []
+    for index in range(config.protocol.update_every):
+        burst += critic_step + (actor_step if index % delay == 0 else [])
+    return burst
+
+
+def run(products: list[Product]) -> None:
+    """Compute them."""
+    for left, right, out in products:
+        torch.mm(left, right, out=out)
