@@ -46,3 +46,8 @@ def job_of(results, run):
         entry = json.loads(line)
         jobs[(results / ".sweeps" / "slurm" / entry["run"]).resolve()] = entry["job"]
     return jobs[run.resolve()]
+
+
+def log_of(results, run):
+    """What that job has printed."""
+    return results / ".sweeps" / "slurm" / f"{job_of(results, run)}_0_log.out"

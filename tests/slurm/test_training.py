@@ -6,7 +6,7 @@ import pytest
 
 from tests.experiment.command import Done, manifest, run_path
 from tests.slurm.cluster import wait_for
-from tests.slurm.command import TRAINING, job_of, submit
+from tests.slurm.command import TRAINING, job_of, log_of, submit
 
 pytestmark = pytest.mark.slurm
 SPIKING = {"label": "bptsan", "encoder": "poisson"}
@@ -54,33 +54,35 @@ def test_requeue_preemption_and_a_dead_node_change_no_byte(grid, cluster, tmp_pa
     process = submit(cluster, tmp_path, *TRAINING, "actor=bptsan", "seed=0,1")
     runs = [run_path(tmp_path, seed, **SPIKING) for seed in (0, 1)]
 
-    def reached(step):
-        return all((run / "manifest.json").exists() for run in runs) and all(
-            manifest(tmp_path, seed, **SPIKING)["step"] >= step for seed in (0, 1)
-        )
+    def steps():
+        return [manifest(tmp_path, s, **SPIKING)["step"] for s in (0, 1) if (runs[s] / "manifest.json").exists()]
 
-    def started_again(times):
+    def resumed():
         cluster.start_requeued()
-        return all(manifest(tmp_path, seed, **SPIKING)["times_resumed"] >= times for seed in (0, 1))
+        return [manifest(tmp_path, seed, **SPIKING)["times_resumed"] for seed in (0, 1)]
 
-    wait_for(lambda: reached(500), 120, "the first checkpoint")
+    wait_for(lambda: len(steps()) == 2 and min(steps()) >= 500, 120, "the first checkpoints")
     subprocess.run(["scontrol", "requeue", job_of(tmp_path, runs[0])], env=cluster.environment, check=True)
     subprocess.run(["scancel", "--signal=USR2", job_of(tmp_path, runs[1])], env=cluster.environment, check=True)
-    wait_for(lambda: started_again(1), 120, "both to resume")
-    preempted_at = manifest(tmp_path, 1, **SPIKING)["step"]
+    wait_for(lambda: resumed() == [1, 1], 120, "both to resume")
+    asked, told = log_of(tmp_path, runs[1]), "resumed at step"
+    wait_for(lambda: told in asked.read_text(), 60, told)
+    assert int(asked.read_text().rpartition(told)[2].split()[0]) > 500  # asked, it took a checkpoint before it left
 
+    wait_for(lambda: max(steps()) >= 1000, 120, "a later checkpoint")
     node = cluster.run("sinfo", "-h", "-o", "%n").strip()
-    down = ["scontrol", "update", f"NodeName={node}", "State=DOWN", "Reason=test"]
-    subprocess.run(down, env=cluster.environment, check=True)
-    resume = ["scontrol", "update", f"NodeName={node}", "State=RESUME"]
-    subprocess.run(resume, env=cluster.environment, check=True)
-    wait_for(lambda: started_again(2), 120, "both to resume on the node that came back")
+    for state in (("State=DOWN", "Reason=test"), ("State=RESUME",)):
+        subprocess.run(["scontrol", "update", f"NodeName={node}", *state], env=cluster.environment, check=True)
+    wait_for(lambda: max(resumed()) == 2, 120, "a run to resume on the node that came back")
 
-    done = Done(process, timeout=240)
+    def ended():
+        cluster.start_requeued()
+        return process.poll() is not None
+
+    wait_for(ended, 240, "the end")
+    done = Done(process)
     assert done.code == 0, done
-    assert preempted_at >= 500
-    for seed in (0, 1):
-        for name in ("evaluations.csv",):
-            ours = (run_path(tmp_path, seed, **SPIKING) / name).read_bytes()
-            assert ours == (run_path(undisturbed, seed, **SPIKING) / name).read_bytes()
-        assert not (run_path(tmp_path, seed, **SPIKING) / "failure.txt").exists()
+    for seed, run in enumerate(runs):
+        expected = run_path(undisturbed, seed, **SPIKING) / "evaluations.csv"
+        assert (run / "evaluations.csv").read_bytes() == expected.read_bytes()
+        assert not (run / "failure.txt").exists()

@@ -39,6 +39,8 @@ def ending_in_slurm(cell: Cell, job: str, state: JobState, folder: Path) -> Endi
     end = ending(cell, word)
     if state.state == "FAILED" and not _is_ours(cell):
         return end._replace(state="failed", why=word, read=log)
+    if state.state == "COMPLETED" and end.state == "not finished":  # a job returns from an unfinished run only then
+        return end._replace(state="busy", why="held by another process", read=log.with_suffix(".out"))
     has_told = (cell.run.path / "failure.txt").exists()
     return end._replace(read=log) if end.state in ("failed", "not finished") and not has_told else end
 

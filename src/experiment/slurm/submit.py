@@ -51,7 +51,8 @@ def submit(
     chunks = [cells[start : start + array_limit] for start in range(0, len(cells), array_limit)]
     submitted: dict[str, Cell] = {}
     refused: list[tuple[Cell, str]] = []
-    for chunk, at_once in zip(chunks, shares(resources.array_parallelism or len(cells), len(chunks))):
+    limit = resources.array_parallelism
+    for chunk, at_once in zip(chunks, shares(limit, len(chunks)) if limit else map(len, chunks)):
         executor = SlurmExecutor(folder, max_num_timeout=resources.max_num_timeout)
         executor.update_parameters(**parameters(resources, chunk[0].config.study, chunk[0].config.threads, at_once))
         try:
