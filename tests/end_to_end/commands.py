@@ -1,7 +1,7 @@
-"""Real runs in processes of their own: ``python -m src.run``, and the same in a fork of a process that has torch loaded.
+"""Real runs in processes of their own: ``python -m src.run``, and the same in a fork that finds torch loaded.
 
 A start of Python with torch and TorchRL takes seconds, a run of these tests less. So most starts are forks of
-multiprocessing's fork server, which has loaded the libraries and nothing else; the fork runs ``src.run`` as ``__main__``.
+multiprocessing's fork server, which has loaded the libraries; the fork runs ``src.run`` as ``__main__``.
 """
 
 from __future__ import annotations
@@ -41,6 +41,7 @@ TINY = (
     "label=tiny",
 )
 AAN = ("actor=aan", *TINY)
+KILL = signal.SIGKILL
 _FORKS = multiprocessing.get_context("forkserver")
 _FORKS.set_forkserver_preload(["tests.end_to_end.preload"])
 
@@ -177,6 +178,3 @@ def mount(*arguments: str) -> None:
     done = subprocess.run(["mount", *arguments], capture_output=True, text=True, check=False)
     if done.returncode:
         raise OSError(0, f"mount {' '.join(arguments)}: {done.stderr.strip()}")
-
-
-KILL = signal.SIGKILL

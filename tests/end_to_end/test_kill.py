@@ -49,7 +49,7 @@ def tight(seen: Callable[[str], bool], where: Callable[[Path], Path]) -> Moment:
         folder = where(state(results) or results)
 
         def there() -> bool:
-            return any(map(seen, os.listdir(folder)))
+            return any(map(seen, os.listdir(folder)))  # noqa: PTH208 - the fastest way to look
 
         for _ in range(rng.randrange(4)):
             if not (wait_for(there, process, poll=0) and wait_for(lambda: not there(), process, poll=0)):
