@@ -7,12 +7,14 @@ import sys
 
 from tests.experiment.command import ROOT, STUB
 
-#: Real training, small: every phase of the protocol, and three checkpoints.
+#: Real training, small: every phase of the protocol, and six checkpoints.
 TRAINING = (
     "protocol=smoke",
-    "protocol.total_steps=1500",
-    "protocol.evaluation_interval=500",
-    "protocol.checkpoint_interval=500",
+    "protocol.total_steps=1200",
+    "protocol.start_steps=150",
+    "protocol.update_after=100",
+    "protocol.evaluation_interval=400",
+    "protocol.checkpoint_interval=200",
     "algo.batch_size=16",
     "algo.critic_hidden_sizes=[32,32]",
     "actor.hidden_sizes=[32,32]",

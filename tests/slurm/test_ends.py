@@ -14,7 +14,7 @@ pytestmark = pytest.mark.slurm
 
 def test_a_failing_cell_and_one_that_dies_without_a_word(cluster, tmp_path):
     grid = ("protocol=smoke", "seed=range(3)")
-    done = Done(submit(cluster, tmp_path, *grid, stub={"0": "raise", "1": "kill"}), timeout=120)
+    done = Done(submit(cluster, tmp_path, *grid, stub={"0": "raise", "1": "kill"}), timeout=240)
     assert done.code == 1, done
     assert manifest(tmp_path, 0)["failure"]["message"] == "RuntimeError: boom"
     assert manifest(tmp_path, 1)["status"] == "failed"
@@ -28,7 +28,7 @@ def test_a_failing_cell_and_one_that_dies_without_a_word(cluster, tmp_path):
     states = cluster.run("squeue", "-h", "-r", "-t", "all", "-o", "%T", "-j", job_of(tmp_path, run_path(tmp_path, 0)))
     assert states.split() == ["FAILED"]
 
-    again = Done(submit(cluster, tmp_path, *grid, stub={}), timeout=120)
+    again = Done(submit(cluster, tmp_path, *grid, stub={}), timeout=240)
     assert again.code == 0, again
     assert "finished: 2 complete" in again.out
 
@@ -40,13 +40,13 @@ def test_a_cancelled_task_takes_no_other_with_it(cluster, tmp_path):
     for seed in (1, 2):
         job = job_of(tmp_path, run_path(tmp_path, seed))
         subprocess.run(["scancel", job], env=cluster.environment, check=True)
-    done = Done(process, timeout=120)
+    done = Done(process, timeout=240)
     assert done.code == 75, done
     assert "finished: 2 interrupted, 1 complete" in done.out
     assert done.out.count("cancelled in Slurm") == 2
     assert manifest(tmp_path, 0)["status"] == "complete"
     assert manifest(tmp_path, 1)["status"] == "interrupted"
-    again = Done(submit(cluster, tmp_path, *grid, stub={}), timeout=120)
+    again = Done(submit(cluster, tmp_path, *grid, stub={}), timeout=240)
     assert again.code == 0, again
 
 
@@ -94,7 +94,7 @@ def test_no_time_outs_left_is_interrupted_not_failed(cluster, tmp_path):
     subprocess.run(
         ["scancel", "--signal=USR2", job_of(tmp_path, run_path(tmp_path))], env=cluster.environment, check=True
     )
-    done = Done(process, timeout=120)
+    done = Done(process, timeout=240)
     assert done.code == 75, done
     assert manifest(tmp_path)["status"] == "interrupted"
     assert Done(submit(cluster, tmp_path, "protocol=smoke", "protocol.total_steps=17_000", stub={})).code == 0

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.slurm
 def test_more_cells_than_an_array_takes(cluster, tmp_path):
     """Three arrays; a failure in the first holds nothing up."""
     cells = 2 * ARRAY_LIMIT + 1
-    done = Done(submit(cluster, tmp_path, "protocol=smoke", f"seed=range({cells})", stub={"0": "raise"}), timeout=240)
+    done = Done(submit(cluster, tmp_path, "protocol=smoke", f"seed=range({cells})", stub={"0": "raise"}), timeout=300)
     assert done.code == 1, done
     assert f"finished: {cells - 1} complete, 1 failed" in done.out or f"1 failed, {cells - 1} complete" in done.out
     lines = (tmp_path / ".sweeps/slurm/jobs.jsonl").read_text().splitlines()
