@@ -13,8 +13,9 @@ from analysis.errors import InputError
 from analysis.study import KEYS, Study, read_study
 from analysis.writing import read_csv, replaced_folder, write_csv, write_json
 
-FORMAT = 1
+FORMAT = 2
 _TEXT = ["arm", "label", "actor", "encoder", "algo", "env", "path", "cell_hash", "configuration_hash", "commit"]
+_TEXT += ["status", "counts_as", "failure", "changed_keys", "versions", "processor", "device"]
 
 
 def collect(folder: Path) -> Study:

@@ -61,7 +61,8 @@ def read_run(folder: Path, path: str) -> Run:
     notes: list[str] = []
     episodes = int(config.get("protocol", {}).get("evaluation_episodes", 1))
     evaluations = _evaluations(folder / "evaluations.csv", episodes, notes)
-    training = _training(folder / "training.csv", notes)
+    early = int(manifest.get("step") or 0) < int(config["protocol"].get("evaluation_interval") or 0)
+    training = _training(folder / "training.csv", notes, early)
     counts_as = COUNTS_AS[manifest["status"]]
     finite = np.isfinite(evaluations["return"].to_numpy(dtype=float))
     if not finite.all():
@@ -155,7 +156,16 @@ def _evaluations(path: Path, episodes: int, notes: list[str]) -> pd.DataFrame:
         )
     if len(lines) == 1:
         return empty
-    rows = pd.read_csv(io.StringIO("\n".join(lines)), float_precision="round_trip")
+    for number, line in enumerate(lines, start=1):
+        if not all(map(str.strip, line.split(","))):
+            raise UnreadableRunError(f"line {number} of its evaluations.csv has an empty field")
+    # "nan" is a return that is no number: the run diverged; any other word is damage
+    rows = pd.read_csv(
+        io.StringIO("\n".join(lines)),
+        float_precision="round_trip",
+        keep_default_na=False,
+        na_values=["nan", "-nan", "NaN"],
+    )
     for column in EVALUATION_COLUMNS:
         if rows[column].dtype.kind not in ("iu" if column in ("step", "episode") else "iuf"):
             raise UnreadableRunError(f"its evaluations.csv holds something that is no number in column {column}")
@@ -185,7 +195,22 @@ def _evaluations(path: Path, episodes: int, notes: list[str]) -> pd.DataFrame:
     return table[~partial].reset_index(drop=True)
 
 
-def _training(path: Path, notes: list[str]) -> pd.DataFrame:
+def _training(path: Path, notes: list[str], early: bool) -> pd.DataFrame:
+    """No number of a comparison depends on this file, so damage in it leaves the file out, not the run.
+
+    ``early``: the run has not ended its first interval, so there need be no file.
+    """
+    nothing = pd.DataFrame({"step": pd.Series(dtype=int)})
+    if early and not path.exists():
+        return nothing
+    try:
+        return _trusted_training(path, notes)
+    except UnreadableRunError as error:
+        notes.append(f"{error}; its training data were left out, its evaluations count")
+        return nothing
+
+
+def _trusted_training(path: Path, notes: list[str]) -> pd.DataFrame:
     lines = _whole_lines(path, notes)
     if len(lines) < 2 or "step" not in lines[0].split(","):
         return pd.DataFrame({"step": pd.Series(dtype=int)})

@@ -1,10 +1,4 @@
-"""All run directories of a study as three tidy frames, checked against one another.
-
-An *arm* is what a reader compares: a label under the task's own spike coding. A run of the paper's actor whose keys
-were
-changed, or under the other coding, is an arm of its own name and never passes for the paper's actor (``paper`` is
-false).
-"""
+"""All run directories of a study as three tidy frames, checked against one another."""
 
 from __future__ import annotations
 
@@ -15,8 +9,10 @@ from typing import Any
 
 import pandas as pd
 
+from analysis.arms import arm_of, refuse_mixed_arms
 from analysis.errors import InputError
-from analysis.flatten import differing_keys, flatten
+from analysis.flatten import flatten
+from analysis.horizons import due, horizons, missing_at_the_end, unequal_training
 from analysis.reading import Run, UnreadableRunError, read_run
 
 KEYS = ["algo", "env", "arm", "seed"]
@@ -32,6 +28,7 @@ RUN_COLUMNS = [
     "total_steps",
     "horizon",
     "evaluations",
+    "failure",
     "path",
     "cell_hash",
     "configuration_hash",
@@ -99,10 +96,14 @@ def read_study(folder: Path) -> Study:
             notes.append(f"runs/{path}: {error}; it was left out.")
             continue
         runs.append(run)
+        recorded = run.manifest.get("notes")
         notes.extend(f"runs/{path}: {note}." for note in run.notes)
+        notes.extend(
+            f"runs/{path}, from its manifest: {note}" for note in (recorded if isinstance(recorded, list) else [])
+        )
     if not runs:
         notes.insert(0, f"There are no runs in {folder.name}/runs yet.")
-    _refuse_mixed_cells(runs)
+    refuse_mixed_arms(runs)
     return _assemble(folder.name, runs, notes)
 
 
@@ -130,59 +131,20 @@ def _natural(item: tuple[str, str]) -> tuple[str, int, str]:
     return cell, int(number) if number.isascii() and number.isdecimal() else -1, last
 
 
-def _refuse_mixed_cells(runs: list[Run]) -> None:
-    first: dict[str, Run] = {}
-    for run in runs:
-        cell, _, seed = run.path.rpartition("/")
-        other = first.setdefault(cell, run)
-        if run.manifest["cell_hash"] == other.manifest["cell_hash"]:
-            continue
-        differences = differing_keys(_described(other), _described(run))
-        shown = (
-            "; ".join(f"{key}: {old} against {new}" for key, old, new in differences) or "no key of config.yaml differs"
-        )
-        raise InputError(
-            f"runs/{cell} mixes two configurations: {other.path.rpartition('/')[2]} and {seed} differ in {shown}. "
-            "Move one of them to a label or a study of its own."
-        )
-
-
-def _described(run: Run) -> dict[str, Any]:
-    """What must agree between seeds of one cell: the configuration, and the engine of the code."""
-    return run.config | {"engine": run.manifest.get("engine")}
-
-
-def arm_of(run: Run) -> tuple[str, bool]:
-    """The arm's name, and whether it is the paper's actor as the paper has it."""
-    manifest = run.manifest
-    name, changed = str(manifest["label"]), manifest.get("changed_keys") or {}
-    natural = manifest["encoder"] in ("none", run.config["env"].get("spike_coding", manifest["encoder"]))
-    paper = manifest["label"] == manifest["actor"] and not changed and natural
-    if changed and manifest["label"] == manifest["actor"]:
-        name += f" (changed: {', '.join(sorted(changed))})"
-    if not natural:
-        name += f" [{manifest['encoder']}]"
-    return name, paper
-
-
 def _assemble(name: str, runs: list[Run], notes: list[str]) -> Study:
-    horizons: dict[tuple[str, str], int] = {}
-    for run in runs:
-        place = (run.manifest["algo"], run.manifest["env"])
-        horizons[place] = max(horizons.get(place, 0), run.manifest["total_steps"])
+    lengths = horizons(runs)
     rows: list[dict[str, Any]] = []
     evaluations: list[pd.DataFrame] = []
     training: list[pd.DataFrame] = []
     configurations: dict[str, dict[str, Any]] = {}
     for run in runs:
         m = run.manifest
-        horizon, counts_as = horizons[m["algo"], m["env"]], run.counts_as
-        if m["total_steps"] < horizon and counts_as != "unfinished":
-            notes.append(
-                f"runs/{run.path}: it was asked for {m['total_steps']:,} steps, others of its task for {horizon:,}; "
-                "results after unequal training are not compared, so it counts as unfinished."
-            )
+        horizon, counts_as = lengths[m["algo"], m["env"]], run.counts_as
+        if unequal := unequal_training(run, horizon):
+            notes.append(unequal)
             counts_as = "unfinished"
+        elif incomplete := missing_at_the_end(run, horizon):
+            notes.append(incomplete)
         arm, paper = arm_of(run)
         keys = {"algo": m["algo"], "env": m["env"], "arm": arm, "seed": m["seed"]}
         parameters = m.get("parameters") or {}
@@ -193,6 +155,7 @@ def _assemble(name: str, runs: list[Run], notes: list[str]) -> Study:
             "counts_as": counts_as,
             "horizon": horizon,
             "evaluations": len(run.evaluations),
+            "failure": _failure(m.get("failure")),
             "path": run.path,
             "changed_keys": json.dumps(m.get("changed_keys") or {}, sort_keys=True),
             "versions": json.dumps(m.get("versions") or {}, sort_keys=True),
@@ -214,6 +177,13 @@ def _assemble(name: str, runs: list[Run], notes: list[str]) -> Study:
     )
 
 
+def _failure(failure: Any) -> str | None:
+    """What the manifest says of an error, in one line."""
+    if not isinstance(failure, dict):
+        return None
+    return " ".join(f"{failure.get('kind', 'error')}: {failure.get('message', '')}".split()) or None
+
+
 def _with_carried(run: Run, counts_as: str, horizon: int) -> pd.DataFrame:
     """The evaluations; for a diverged run also its last one, repeated up to the horizon (METHOD: a diverged run
     counts).
@@ -221,10 +191,8 @@ def _with_carried(run: Run, counts_as: str, horizon: int) -> pd.DataFrame:
     table = run.evaluations[["step", "return", "length"]].assign(counts_as=counts_as, carried=False)
     if counts_as != "diverged":
         return table
-    interval = int(run.config["protocol"]["evaluation_interval"])
     last = table.iloc[-1]
-    missing = sorted({*range(0, horizon + 1, interval), horizon} - set(table["step"]))
-    missing = [step for step in missing if step > last["step"]]
+    missing = [step for step in due(run, horizon) if step > last["step"]]
     carried = pd.DataFrame({"step": missing, "return": last["return"], "length": last["length"]})
     return pd.concat([table, carried.assign(counts_as=counts_as, carried=True)]) if missing else table
 

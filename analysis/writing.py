@@ -36,8 +36,8 @@ def write_csv(path: Path, frame: pd.DataFrame) -> None:
 
 
 def read_csv(path: Path, **options: Any) -> pd.DataFrame:
-    """The inverse of :func:`write_csv`."""
-    return pd.read_csv(path, float_precision="round_trip", **options)
+    """The inverse of :func:`write_csv`: only an empty field is missing; a label may be called NA or null."""
+    return pd.read_csv(path, float_precision="round_trip", keep_default_na=False, na_values=[""], **options)
 
 
 @contextlib.contextmanager

@@ -129,9 +129,7 @@ def write_run(
         "encoder": coding,
         "seed": seed,
         "study": study.name,
-        "changed_keys": {
-            k.split(".", 1)[1]: v for k, v in changes.items() if k.split(".")[0] in ("actor", "encoder", "algo")
-        },
+        "changed_keys": {k: v for k, v in changes.items() if k.split(".")[0] in ("actor", "encoder", "algo")},
         "configuration_hash": hashlib.sha256(f"{_hash(config)}{seed}".encode()).hexdigest(),
         "cell_hash": _hash(config),
         "engine": 1,

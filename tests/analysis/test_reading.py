@@ -46,6 +46,8 @@ def test_a_torn_last_line_is_left_out_with_a_note(tmp_path):
         (lambda text: text.replace("50000,1,499.0", "50000,1,4x9.0", 1), "no number in column return"),
         (lambda text: text.replace("step,episode", "episode,step", 1), "begins with"),
         (lambda text: text + "50000,1,7.0,1000\n", "twice"),
+        (lambda text: text.replace("50000,1,499.0", "50000,1,", 1), "an empty field"),
+        (lambda text: text.replace("50000,1,499.0", "50000,1,null", 1), "no number in column return"),
     ],
 )
 def test_damage_inside_evaluations_leaves_the_run_out(tmp_path, change, reason):
@@ -55,6 +57,34 @@ def test_damage_inside_evaluations_leaves_the_run_out(tmp_path, change, reason):
     study = read_study(tmp_path / "s")
     assert study.runs["seed"].tolist() == [1]
     assert reason in study.notes[0] and "seed_0" in study.notes[0]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [lambda text: text.replace("50000,", "50000,x,", 1), lambda text: text.replace("50000,", "x,", 1)],
+    ids=["a field too many", "a word"],
+)
+def test_damage_inside_training_leaves_out_the_training_data_only(tmp_path, change):
+    run = write_run(tmp_path / "s")
+    rewrite(run / "training.csv", change)
+    study = read_study(tmp_path / "s")
+    assert study.runs["counts_as"].tolist() == ["finished"] and study.training.empty
+    (note,) = study.notes
+    assert "training.csv" in note and "its evaluations count" in note
+
+
+def test_no_training_file_is_news_only_after_the_first_interval(tmp_path):
+    (write_run(tmp_path / "s", status="running", stop=0) / "training.csv").unlink()
+    (write_run(tmp_path / "s", seed=1, status="running", stop=20_000) / "training.csv").unlink()
+    (note,) = read_study(tmp_path / "s").notes
+    assert "seed_1: training.csv is missing" in note
+
+
+def test_what_a_manifest_notes_is_passed_on(tmp_path):
+    write_run(tmp_path / "s", manifest={"notes": ["resumed on another processor"]})
+    assert read_study(tmp_path / "s").notes == [
+        "runs/td3/hopper/bptsan/poisson/seed_0, from its manifest: resumed on another processor"
+    ]
 
 
 def test_a_repeated_row_counts_once(tmp_path):
@@ -153,7 +183,7 @@ def test_variants_never_pass_for_the_papers_actor(tmp_path):
         "bptsan": True,
         "bptsan [deterministic]": False,
         "bptsan-branches=4": False,
-        "popsan (changed: time_steps)": False,
+        "popsan (changed: actor.time_steps)": False,
     }
 
 

@@ -105,7 +105,7 @@ def test_the_csv_beside_a_figure_is_what_it_draws(mixed_report):
 
 
 def test_swept_key_gets_a_line_with_the_unchanged_actor_on_it(mixed_report):
-    sweep = pd.read_csv(mixed_report / "figures/sweep-td3-lateral.radius.csv")
+    sweep = pd.read_csv(mixed_report / "figures/sweep-td3-actor.lateral.radius.csv")
     assert sweep["value"].tolist() == [1, 2, 4] and sweep["n"].tolist() == [3, 3, 3]
 
 
