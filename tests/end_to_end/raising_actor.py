@@ -8,8 +8,10 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from src.actors.actor import Actor
 
-class RaisingActor(nn.Module):
+
+class RaisingActor(Actor):
     """Linear; raises in its 150th call where the file ``flag.<seed>`` exists."""
 
     def __init__(
