@@ -31,11 +31,9 @@ def mistakes(c: ExperimentConfig) -> Iterator[str]:
             )
     if p.total_steps < p.evaluation_interval:
         yield f"protocol.evaluation_interval: {p.evaluation_interval} is larger than total_steps ({p.total_steps})."
-    if c.algo.batch_size > max(p.update_after, 1) and p.total_steps > p.update_after:
-        yield (
-            f"algo.batch_size: {c.algo.batch_size} is larger than protocol.update_after ({p.update_after}), "
-            "the number of stored steps at the first update."
-        )
+    stored = p.update_after + p.update_every
+    if c.algo.batch_size > stored and p.total_steps > p.update_after:
+        yield f"algo.batch_size: {c.algo.batch_size} is larger than the {stored} steps stored at the first update."
     if c.encoder.mean_range[0] >= c.encoder.mean_range[1]:
         yield f"encoder.mean_range: should rise, found {list(c.encoder.mean_range)}."
     if isinstance(c.algo, SACConfig):

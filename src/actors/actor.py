@@ -9,12 +9,14 @@ import torch
 from torch import Tensor, nn
 
 from src.actors.health import ActorHealth
+from src.actors.population_encoder import PopulationEncoder
 
 
 class Actor(nn.Module):
     """A policy network ``observation [B, N] -> raw action [B, M]``, before squashing.
 
-    An actor of your own needs :meth:`forward` only; what it does not override means "nothing to do here".
+    An actor of your own needs :meth:`forward` only. What a checkpoint holds of it are its parameters: chance comes from
+    ``generator`` alone (no dropout), nothing else may learn (no batch statistics), and there is no evaluation mode.
     """
 
     def forward(self, observation: Tensor, generator: torch.Generator | None = None) -> Tensor:
@@ -37,7 +39,10 @@ class Actor(nn.Module):
         return []
 
     def project(self) -> None:
-        """Bring the parameters back into their range; called after each optimizer step."""
+        """Bring the parameters back into their range; called after each optimizer step. Here: the encoder's sigma."""
+        for module in self.modules():
+            if isinstance(module, PopulationEncoder):
+                module.project()
 
     @contextmanager
     def fixed_weights(self) -> Iterator[None]:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 
 import torch
-from torch import nn
 
 from src.actors.actor import Actor
 from src.actors.mlp_actor import MLPActor
@@ -21,7 +21,7 @@ DEFAULT_TIME_STEPS = 5
 
 def build_actor(
     config: ExperimentConfig, observation_size: int, action_size: int, streams: Streams, reference: bool = False
-) -> nn.Module:
+) -> Actor:
     """The actor of a configuration, on the CPU, initialised from its own streams.
 
     Args:
@@ -32,7 +32,7 @@ def build_actor(
         reference: the plain step-by-step version of a spiking actor instead of the fused one.
 
     Returns:
-        An :class:`src.actors.actor.Actor`, or the custom class's module.
+        The actor of the configured kind.
 
     Raises:
         ConfigurationError: a custom actor that cannot be imported or built; more branches than inputs.
@@ -47,7 +47,7 @@ def build_actor(
 
 def _custom_actor(
     config: ExperimentConfig, actor: CustomActorConfig, observation_size: int, action_size: int, streams: Streams
-) -> nn.Module:
+) -> Actor:
     module_name, _, class_name = actor.target.rpartition(".")
     try:
         target = getattr(importlib.import_module(module_name), class_name)
@@ -59,11 +59,12 @@ def _custom_actor(
         encoder = PopulationEncoder(config.encoder, observation_size, time_steps)
     sizes = {"observation_size": observation_size, "action_size": action_size}
     try:
-        with torch.random.fork_rng(devices=[]):  # torch.nn's own initialisation draws from the global generator
-            torch.manual_seed(streams.integer("initialisation", "actor"))
-            built = target(**sizes, streams=streams, encoder=encoder, **actor.arguments)
+        inspect.signature(target).bind(**sizes, streams=streams, encoder=encoder, **actor.arguments)
     except TypeError as error:
         raise ConfigurationError(f"actor.arguments: {actor.target} does not take them ({error}).") from error
+    with torch.random.fork_rng(devices=[]):  # torch.nn's own initialisation draws from the global generator
+        torch.manual_seed(streams.integer("initialisation", "actor"))
+        built = target(**sizes, streams=streams, encoder=encoder, **actor.arguments)
     if not isinstance(built, Actor):
         raise ConfigurationError(
             f"actor.target: {actor.target} should be a subclass of src.actors.actor.Actor, is {type(built).__name__}."

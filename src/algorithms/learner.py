@@ -16,7 +16,7 @@ from src.algorithms.policy import DeterministicPolicy
 
 
 class Minibatches(NamedTuple):
-    """The minibatches of one burst: count x batch x size, float32; observations normalised."""
+    """The minibatches of one burst: count x batch x size, float32, contiguous."""
 
     observation: Tensor  # [C, B, N]
     action: Tensor  # [C, B, M]
@@ -87,7 +87,8 @@ class Learner(ABC):
     ) -> None:
         """One optimizer step of the actor (and of what learns with it), and the projection of its sigma."""
         flats = [self.flat[name] for name in groups]
-        gradients = torch.autograd.grad(loss, [p for flat in flats for p in flat.parameters])
+        parameters = [p for flat in flats for p in flat.parameters]
+        gradients = torch.autograd.grad(loss, parameters, allow_unused=True, materialize_grads=True)
         own = gradients[: len(flats[0].parameters)]
         flats[0].join(own)
         for flat in flats[1:]:
@@ -95,7 +96,7 @@ class Learner(ABC):
         for name in groups:
             self.optimizers[name].step()
         actor = self.policy.actor
-        actor.project()  # type: ignore[operator]
+        actor.project()
         self.actor_updates += 1
         record.add("actor_loss", loss)
         if health is not None:

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor, nn
 
+from src.actors.actor import Actor
 from src.actors.health import ActorHealth
 
 METRICS = ("critic_loss", "actor_loss", "q1", "q2", "log_probability", "actor_gradient_norm")
@@ -42,13 +43,13 @@ class BurstRecord:
         self._values.append(values.detach())
 
     def add_health(
-        self, health: ActorHealth, actor: nn.Module, parameters: Sequence[nn.Parameter], gradients: Sequence[Tensor]
+        self, health: ActorHealth, actor: Actor, parameters: Sequence[nn.Parameter], gradients: Sequence[Tensor]
     ) -> None:
         """Note firing rates, window shares and gradient norms per spiking layer (METHOD: the hazard of saturation)."""
         by_parameter = {id(p): g for p, g in zip(parameters, gradients)}
         if health.input_firing_rate is not None:
             self.health["input_firing_rate"] = float(health.input_firing_rate)
-        for k, (layer, own) in enumerate(zip(health.layers, actor.layer_parameters()), start=1):  # type: ignore[operator]
+        for k, (layer, own) in enumerate(zip(health.layers, actor.layer_parameters()), start=1):
             self.health[f"layer{k}_firing_rate"] = float(layer.firing_rate)
             self.health[f"layer{k}_window_share"] = float(layer.window_share)
             self.health[f"layer{k}_always_on"] = float(layer.always_on)

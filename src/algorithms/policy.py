@@ -8,6 +8,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
+from src.actors.actor import Actor
 from src.config import SACConfig
 from src.ensemble_mlp import EnsembleMLP
 from src.streams import Streams
@@ -21,7 +22,9 @@ class DeterministicPolicy(nn.Module):
         action_limit: bound of the actions.
     """
 
-    def __init__(self, actor: nn.Module, action_limit: float) -> None:
+    actor: Actor
+
+    def __init__(self, actor: Actor, action_limit: float) -> None:
         super().__init__()
         self.actor = actor
         self.action_limit = action_limit

@@ -5,9 +5,11 @@ from __future__ import annotations
 import copy
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
+from src.actors.actor import Actor
 from src.actors.health import ActorHealth
+from src.actors.mlp_actor import MLPActor
 from src.algorithms import sac
 from src.algorithms.critic import TwinCritic
 from src.algorithms.learner import Learner, Minibatches, UpdateStreams
@@ -33,7 +35,7 @@ class SACLearner(Learner):
     def __init__(
         self,
         config: SACConfig,
-        actor: nn.Module,
+        actor: Actor,
         log_std: LogStdNetwork,
         critic: TwinCritic,
         action_limit: float,
@@ -62,8 +64,9 @@ class SACLearner(Learner):
     def _mean_and_log_std(self, observation: Tensor) -> tuple[Tensor, Tensor]:
         actor = self.policy.actor
         if self.shared_trunk:
-            features = actor.trunk(observation)  # type: ignore[operator]
-            return actor.head(features), self.log_std(features)  # type: ignore[operator]
+            assert isinstance(actor, MLPActor)  # only it has a trunk (src/config_rules.py)
+            features = actor.trunk(observation)
+            return actor.head(features), self.log_std(features)
         return actor(observation, self.streams.encoder), self.log_std(observation)
 
     @torch.no_grad()
@@ -97,7 +100,7 @@ class SACLearner(Learner):
         if with_health and self.shared_trunk:
             health = ActorHealth(input_firing_rate=None, layers=())  # nothing spikes
         if with_health and not self.shared_trunk:
-            mean, health = self.policy.actor.forward_with_health(observation, self.streams.encoder)  # type: ignore[operator]
+            mean, health = self.policy.actor.forward_with_health(observation, self.streams.encoder)
             log_std = self.log_std(observation)
         else:
             mean, log_std = self._mean_and_log_std(observation)

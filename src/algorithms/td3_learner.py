@@ -5,8 +5,9 @@ from __future__ import annotations
 import copy
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
+from src.actors.actor import Actor
 from src.algorithms import td3
 from src.algorithms.critic import TwinCritic
 from src.algorithms.learner import Learner, Minibatches, UpdateStreams
@@ -28,7 +29,7 @@ class TD3Learner(Learner):
     """
 
     def __init__(
-        self, config: TD3Config, actor: nn.Module, critic: TwinCritic, action_limit: float, streams: UpdateStreams
+        self, config: TD3Config, actor: Actor, critic: TwinCritic, action_limit: float, streams: UpdateStreams
     ) -> None:
         super().__init__()
         self.config, self.streams, self.action_limit = config, streams, action_limit
@@ -78,7 +79,7 @@ class TD3Learner(Learner):
     def _update_actor(self, observation: Tensor, record: BurstRecord, with_health: bool) -> None:
         actor, health = self.policy.actor, None
         if with_health:
-            raw, health = actor.forward_with_health(observation, self.streams.encoder)  # type: ignore[operator]
+            raw, health = actor.forward_with_health(observation, self.streams.encoder)
         else:
             raw = actor(observation, self.streams.encoder)
         loss = td3.actor_loss(self.critic.first_frozen(observation, self.policy.squash(raw)))

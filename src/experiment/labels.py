@@ -19,6 +19,7 @@ from src.experiment.machine import ROOT
 
 #: A longer label is cut here and told apart by a hash of the whole.
 LONGEST = 100
+_METHOD_KEYS = ("normalize_observations", "normalization_clip")
 _NOT_COMPARED = frozenset({"encoder.name", "encoder.coding"})  # the path shows the coding
 
 
@@ -28,19 +29,22 @@ def label_of(config: ExperimentConfig) -> str:
 
 
 def changed_keys(config: ExperimentConfig) -> dict[str, Any]:
-    """Dotted keys of actor, encoder and algo that differ from the option's own file, with their values.
+    """Dotted keys of actor, encoder, algo and env that differ from the option's own file, with their values.
+
+    The normalisation of observations counts too: it belongs to the method, and every actor has it.
 
     Raises:
         ConfigurationError: an option's name has no file.
     """
     composed = to_dict(config)
     changed: dict[str, Any] = {}
-    for group in ("actor", "encoder", "algo"):
+    for group in ("actor", "encoder", "algo", "env"):
         own = _own_values(group, composed)
         for key, value in flatten({group: composed[group]}).items():
             if key not in _NOT_COMPARED and (key not in own or own[key] != value):
                 changed[key] = value
-    return changed
+    defaults = _defaults()
+    return changed | {key: composed[key] for key in _METHOD_KEYS if composed[key] != defaults[key]}
 
 
 def _own_values(group: str, composed: dict[str, Any]) -> dict[str, Any]:
@@ -55,6 +59,13 @@ def _own_values(group: str, composed: dict[str, Any]) -> dict[str, Any]:
     if group == "actor":
         values.setdefault("actor.spikes", composed["actor"]["spikes"])
     return values
+
+
+@cache
+def _defaults() -> dict[str, Any]:
+    content = OmegaConf.to_container(OmegaConf.load(ROOT / "conf" / "config.yaml"), resolve=False)
+    assert isinstance(content, dict)
+    return {str(key): value for key, value in content.items()}
 
 
 @cache

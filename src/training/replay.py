@@ -6,7 +6,7 @@ Transitions are sampled uniformly, with replacement, from the last ``capacity`` 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -14,21 +14,12 @@ from torchrl.data.replay_buffers import ReplayBuffer, Storage
 from torchrl.data.replay_buffers.samplers import Sampler
 from torchrl.data.replay_buffers.writers import Writer
 
+from src.algorithms.learner import Minibatches
 from src.training.collection import Transitions
 from src.training.errors import CorruptState
 from src.training.transition_log import TransitionLog
 
 __all__ = ["CorruptState", "Minibatches", "Replay", "make_replay", "sample_minibatches"]
-
-
-class Minibatches(NamedTuple):
-    """``count`` minibatches of ``batch`` transitions, float32, contiguous; ``minibatches.reward[i]`` is the i-th's."""
-
-    observation: Tensor  # [count, batch, N], as observed: not normalised
-    action: Tensor  # [count, batch, M]
-    reward: Tensor  # [count, batch]
-    next_observation: Tensor  # [count, batch, N]
-    terminated: Tensor  # [count, batch], 0 or 1
 
 
 class Replay(ReplayBuffer):
@@ -90,7 +81,10 @@ def make_replay(
 
 
 def sample_minibatches(buffer: Replay, count: int, batch_size: int) -> Minibatches:
-    """The minibatches of a burst of ``count`` updates in one draw: the replay does not change during the burst."""
+    """The minibatches of a burst of ``count`` updates in one draw: the replay does not change during the burst.
+
+    Observations are as they were observed: not normalised.
+    """
     columns = buffer.sample(count * batch_size)
     return Minibatches(*(column.view(count, batch_size, *column.shape[1:]) for column in columns))
 

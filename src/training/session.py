@@ -88,7 +88,7 @@ class TrainingSession:
             observation_size=self.sizes[0],
             action_size=self.sizes[1],
             parameters={
-                "actor": self.learner.policy.actor.connection_count(),  # type: ignore[operator]
+                "actor": self.learner.policy.actor.connection_count(),
                 "critic": sum(p.numel() for p in self.learner.modules["critic"].parameters()),
             },
         )
@@ -107,7 +107,7 @@ class TrainingSession:
             batches = iter(collector)
             while self.step < p.total_steps:
                 started = time.perf_counter()
-                with self.learner.policy.actor.fixed_weights():  # type: ignore[operator]
+                with self.learner.policy.actor.fixed_weights():
                     batch = next(batches)
                 self._advance(batch)
                 self.interval_seconds += time.perf_counter() - started
@@ -164,7 +164,7 @@ class TrainingSession:
         """Evaluate the deterministic policy, write both logs, begin a new interval."""
         started = time.perf_counter()
         self.learner.check_finite()
-        with self.learner.policy.actor.fixed_weights():  # type: ignore[operator]
+        with self.learner.policy.actor.fixed_weights():
             episodes = self.evaluator.evaluate(self._act_in_evaluation, self.step)
         self.run.evaluations.append(self.step, episodes)
         self.last_return = sum(r for r, _ in episodes) / len(episodes)
@@ -192,7 +192,7 @@ class TrainingSession:
         for name in (*METRICS, "training_return"):
             row[name] = self.interval.mean(name)
         row["steps_per_second"] = self._steps_per_second()
-        for name in health_columns(len(self.learner.policy.actor.layer_parameters())):  # type: ignore[operator]
+        for name in health_columns(len(self.learner.policy.actor.layer_parameters())):
             row[name] = self.interval.mean(name)
         return row
 

@@ -183,3 +183,24 @@ def test_non_finite_numbers_end_the_run_as_diverged_with_the_step(tmp_path: Path
     outcome, _ = run(tiny(tmp_path, {"algo.critic_learning_rate": 1e30}, actor="aan"))
     assert outcome.status == "diverged"
     assert str(outcome.step) in outcome.message and outcome.step < 450
+
+
+def test_updates_see_observations_normalised_by_all_blocks_so_far(tmp_path: Path) -> None:
+    """Acting, evaluating and sampling use the same statistics; those of a burst include the block just collected."""
+    config = tiny(tmp_path, actor="aan")
+    bursts = []
+    with claim(config) as (directory, _):
+        session = TrainingSession(config, directory, Silent())
+        update = session.learner.update
+        session.learner.update = lambda burst: (bursts.append(burst), update(burst))[1]  # type: ignore[method-assign,func-returns-value]
+        session.loop(lambda: session.step == 150)
+        stored = session.replay[torch.arange(150)]
+    observations, next_observations = stored[0].double(), stored[3].double()
+    assert len(observations) == 150 and len(bursts) == 1
+    mean, variance = observations.mean(0), observations.var(0, correction=0)
+    for seen, raw in ((bursts[0].observation, observations), (bursts[0].next_observation, next_observations)):
+        expected = ((raw - mean) / (variance + 1.2e-7).sqrt()).clamp(-3, 3).float()
+        distance = (
+            torch.cdist(seen.flatten(0, 1), expected, compute_mode="donot_use_mm_for_euclid_dist").min(dim=1).values
+        )
+        assert float(distance.max()) < 1e-3

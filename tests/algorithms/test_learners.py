@@ -1,0 +1,171 @@
+"""The learners against naive loops of torch.nn, torch.optim and deep copies. If these fail, the update is another one."""
+
+from __future__ import annotations
+
+import copy
+import math
+
+import pytest
+import torch
+from torch import Tensor, nn
+
+from src.algorithms.build import build_learner
+from src.algorithms.critic import TwinCritic
+from src.algorithms.learner import Learner, Minibatches
+from src.algorithms.sac_learner import SACLearner
+from src.algorithms.td3_learner import TD3Learner
+from src.streams import Streams
+from tests.helpers import make_config
+
+N, M, SEED = 5, 3, 3
+SMALL = {"actor.hidden_sizes": [32, 32], "algo.critic_hidden_sizes": [32, 32]}
+
+
+def make_learner(algo: str, actor: str, encoder: str) -> Learner:
+    return build_learner(make_config(SMALL, algo=algo, actor=actor, encoder=encoder), N, M, 1.0, Streams(SEED))
+
+
+def make_burst(seed: int, count: int = 7, batch: int = 20) -> Minibatches:
+    g = torch.Generator().manual_seed(seed)
+    return Minibatches(
+        torch.randn(count, batch, N, generator=g).clamp(-3, 3),
+        torch.rand(count, batch, M, generator=g) * 2 - 1,
+        torch.randn(count, batch, generator=g),
+        torch.randn(count, batch, N, generator=g).clamp(-3, 3),
+        (torch.rand(count, batch, generator=g) < 0.3).float(),
+    )
+
+
+class NaiveCritics(nn.Module):
+    """The same two critics from torch.nn.Linear."""
+
+    def __init__(self, critic: TwinCritic) -> None:
+        super().__init__()
+        self.nets = nn.ModuleList()
+        for member in range(2):
+            layers: list[nn.Module] = []
+            for weight, bias in zip(critic.networks.weights, critic.networks.biases):
+                linear = nn.Linear(weight.shape[1], weight.shape[2])
+                linear.weight.data = weight.detach()[member].T.clone()
+                linear.bias.data = bias.detach()[member, 0].clone()
+                layers += [linear, nn.ReLU()]
+            self.nets.append(nn.Sequential(*layers[:-1]))
+
+    def forward(self, observation: Tensor, action: Tensor) -> list[Tensor]:
+        return [net(torch.cat([observation, action], -1)).squeeze(-1) for net in self.nets]
+
+
+def polyak(target: nn.Module, online: nn.Module) -> None:
+    with torch.no_grad():
+        for t, p in zip(target.parameters(), online.parameters()):
+            t.mul_(0.995).add_(0.005 * p)
+
+
+def step(optimizer: torch.optim.Optimizer, loss: Tensor) -> None:
+    optimizer.zero_grad()
+    loss.backward()
+    optimizer.step()
+
+
+def assert_same(ours: nn.Module, theirs: nn.Module, tolerance: float = 2e-5) -> None:
+    for a, b in zip(ours.parameters(), theirs.parameters(), strict=True):
+        torch.testing.assert_close(a, b, rtol=0, atol=tolerance)
+
+
+@pytest.mark.parametrize("actor,encoder", [("aan", "task"), ("bptsan", "deterministic"), ("bptsan", "poisson")])
+def test_td3_is_spinning_ups_loop(actor: str, encoder: str) -> None:
+    learner = make_learner("td3", actor, encoder)
+    assert isinstance(learner, TD3Learner)
+    pi, q = copy.deepcopy(learner.policy.actor), NaiveCritics(learner.critic)
+    target_pi, target_q = copy.deepcopy(pi), copy.deepcopy(q)
+    draws, smoothing = Streams(SEED).torch("encoder"), Streams(SEED).torch("target noise")
+    actor_adam = torch.optim.Adam(pi.parameters(), lr=learner.config.actor_learning_rate)
+    critic_adam = torch.optim.Adam(q.parameters(), lr=1e-3)
+    for burst in (make_burst(1), make_burst(2)):  # odd lengths: the delay counter starts anew with the second
+        noise = 0.2 * torch.randn(burst.action.shape, generator=smoothing)
+        for index, (o, a, r, o2, d) in enumerate(zip(*burst)):
+            with torch.no_grad():
+                a2 = (torch.tanh(target_pi(o2, draws)) + noise[index].clamp(-0.5, 0.5)).clamp(-1, 1)
+                y = r + 0.99 * (1 - d) * torch.min(*target_q(o2, a2))
+            step(critic_adam, sum(((value - y) ** 2).mean() for value in q(o, a)))  # type: ignore[arg-type]
+            if index % 2 == 0:
+                step(actor_adam, -q(o, torch.tanh(pi(o, draws)))[0].mean())
+                pi.project()
+                polyak(target_pi, pi)
+                polyak(target_q, q)
+        learner.update(burst)
+    assert (learner.critic_updates, learner.actor_updates) == (14, 8)
+    assert_same(learner.policy.actor, pi)
+    assert_same(learner.target_policy.actor, target_pi)
+    assert_same(NaiveCritics(learner.critic), q)
+    assert_same(NaiveCritics(learner.target_critic), target_q)
+
+
+@pytest.mark.parametrize("actor,encoder", [("aan", "task"), ("bptsan", "poisson")])
+def test_sac_is_spinning_ups_loop(actor: str, encoder: str) -> None:
+    learner = make_learner("sac", actor, encoder)
+    assert isinstance(learner, SACLearner)
+    pi, log_std, q = copy.deepcopy(learner.policy.actor), copy.deepcopy(learner.log_std), NaiveCritics(learner.critic)
+    target_q = copy.deepcopy(q)
+    draws, normal = Streams(SEED).torch("encoder"), Streams(SEED).torch("target noise")
+    groups = [
+        {"params": list(pi.parameters()), "lr": learner.config.actor_learning_rate},
+        {"params": list(log_std.parameters()), "lr": 1e-3},
+    ]
+    actor_adam, critic_adam = torch.optim.Adam(groups), torch.optim.Adam(q.parameters(), lr=1e-3)
+
+    def sample(o: Tensor, noise: Tensor) -> tuple[Tensor, Tensor]:
+        if actor == "aan":
+            features = pi.trunk(o)  # type: ignore[operator]
+            mean, std = pi.head(features), log_std(features).exp()  # type: ignore[operator]
+        else:
+            mean, std = pi(o, draws), log_std(o).exp()
+        u = mean + std * noise
+        density = torch.distributions.Normal(mean, std).log_prob(u).sum(-1)
+        return torch.tanh(u), density - (2 * (math.log(2) - u - nn.functional.softplus(-2 * u))).sum(-1)
+
+    burst = make_burst(1)
+    noise = torch.randn((2, *burst.action.shape), generator=normal)
+    for index, (o, a, r, o2, d) in enumerate(zip(*burst)):
+        with torch.no_grad():
+            a2, entropy = sample(o2, noise[0][index])
+            y = r + 0.99 * (1 - d) * (torch.min(*target_q(o2, a2)) - 0.2 * entropy)
+        step(critic_adam, sum(((value - y) ** 2).mean() for value in q(o, a)))  # type: ignore[arg-type]
+        action, log_probability = sample(o, noise[1][index])
+        step(actor_adam, (0.2 * log_probability - torch.min(*q(o, action))).mean())
+        pi.project()
+        polyak(target_q, q)
+    learner.update(burst)
+    assert_same(learner.policy.actor, pi)
+    assert_same(learner.log_std, log_std, tolerance=2e-4)
+    assert_same(NaiveCritics(learner.critic), q)
+    assert_same(NaiveCritics(learner.target_critic), target_q)
+
+
+def test_log_std_is_clamped_and_passes_no_gradient_outside() -> None:
+    learner = make_learner("sac", "popsan", "poisson")
+    assert isinstance(learner, SACLearner)
+    network = learner.log_std
+    observation = torch.randn(4, N)
+    for bias, bound in ((100.0, 2.0), (-100.0, -20.0)):
+        network.network.biases[-1].data.fill_(bias)
+        value = network(observation)
+        assert (value == bound).all()
+        assert all((g == 0).all() for g in torch.autograd.grad(value.sum(), list(network.parameters())))
+
+
+def test_td3_explores_with_the_stated_noise_inside_the_action_limit() -> None:
+    learner = make_learner("td3", "aan", "task")
+    observation = torch.zeros(1, N).expand(20_000, N)
+    difference = learner.explore(observation) - learner.policy(observation)
+    assert float(difference.std()) == pytest.approx(0.1, rel=0.05)
+    learner.policy.actor.output.biases[0].data.fill_(50.0)  # tanh saturates at the limit
+    assert float(learner.explore(observation).max()) <= 1.0
+
+
+def test_sigma_is_projected_after_an_actor_step() -> None:
+    learner = make_learner("td3", "popsan", "deterministic")
+    with torch.no_grad():
+        learner.policy.actor.encoder.std.fill_(1e-9)
+    learner.update(make_burst(1, count=1))
+    assert float(learner.policy.actor.encoder.std.min()) >= 1e-3 - 1e-9
