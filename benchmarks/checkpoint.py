@@ -22,11 +22,13 @@ import torch
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
+from src.algorithms.learner import Minibatches  # noqa: E402
 from src.experiment.claim import claim  # noqa: E402
 from src.experiment.machine import processor  # noqa: E402
 from src.experiment.progress import PlainProgress  # noqa: E402
 from src.training.collection import Transitions  # noqa: E402
 from src.training.numerics import set_numerics  # noqa: E402
+from src.training.replay import sample_minibatches  # noqa: E402
 from src.training.session import TrainingSession  # noqa: E402
 from tests.helpers import make_config  # noqa: E402
 
@@ -93,14 +95,12 @@ def measure(folder: Path, rows: int, interval: int, repeats: int) -> None:
     print(f"replay {replay / 1e9:.2f} GB, checkpoint {newest / 1e6:.1f} MB")
     print(f"save: median {save:.2f} s, {min(seconds):.2f} to {max(seconds):.2f} s over {repeats}")
     print(f"resume (build everything and restore): {resume:.2f} s")
-    print(f"one update (TD3, bptsan, Ant): {update * 1e3:.1f} ms of processor time, {interval} of them {update * interval:.0f} s")
-    print(f"overhead at a checkpoint every {interval} steps: at most {100 * save / (update * interval):.2f}% of updates")
+    updates = update * interval
+    print(f"one update (TD3, bptsan, Ant): {update * 1e3:.1f} ms of processor time, {interval} of them {updates:.0f} s")
+    print(f"overhead at a checkpoint every {interval} steps: at most {100 * save / updates:.2f}% of updates")
 
 
-def _burst(session: TrainingSession):  # noqa: ANN202
-    from src.algorithms.learner import Minibatches
-    from src.training.replay import sample_minibatches
-
+def _burst(session: TrainingSession) -> Minibatches:
     sample = sample_minibatches(session.replay, 50, session.config.algo.batch_size)
     return Minibatches(*sample)
 
