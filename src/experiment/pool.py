@@ -163,8 +163,14 @@ class Pool:
         self._display.note("stopping: the running jobs take a checkpoint; once more stops them at once")
 
 
-def record_death(cell: Cell, killed: str) -> None:
-    """Write into the manifest what a dead process could not, unless somebody else has claimed the run meanwhile."""
+def record_death(cell: Cell, killed: str, unfinished: Sequence[str] = ("running",)) -> None:
+    """Write into the manifest what a dead process could not, unless somebody else has claimed the run meanwhile.
+
+    Args:
+        cell: whose process it was.
+        killed: what is known of its death.
+        unfinished: the manifest's states that this death puts right.
+    """
     held = lock.lock_of(cell.run.path)
     try:
         held.acquire(timeout=lock.CLAIM_SECONDS)
@@ -174,7 +180,7 @@ def record_death(cell: Cell, killed: str) -> None:
         manifest = cell.run.read_manifest()
         if manifest is None:
             prepare(cell.run, cell.config, Decision(Action.RUN))
-        elif manifest.status != "running":
+        elif manifest.status not in unfinished:
             return
         else:
             cell.run.write_manifest(manifest)

@@ -7,9 +7,14 @@ import time
 
 import pytest
 
+from src.experiment.claim import claim
+from src.experiment.closing import exit_code
+from src.experiment.plan import make_plan
+from src.experiment.slurm.endings import ending_in_slurm
 from src.experiment.slurm.preemption import Preemption
-from src.experiment.slurm.queue import QueueError, array_limit, job_states
+from src.experiment.slurm.queue import GONE, JobState, QueueError, array_limit, job_states
 from src.experiment.slurm.submit import shares
+from tests.experiment.cells import smoke
 from tests.experiment.command import run
 
 
@@ -121,3 +126,39 @@ def test_the_plan_needs_no_slurm(tmp_path, monkeypatch):
     real = run(tmp_path, "-m", "hydra/launcher=slurm", "protocol=smoke", "seed=range(3)")
     assert real.code == 2, real
     assert "sbatch isn't here: run this command on a login node" in real.err
+
+
+@pytest.mark.parametrize(
+    ("left", "slurm", "state", "code"),
+    [
+        ("complete", "COMPLETED", "complete", 0),
+        ("complete", "CANCELLED", "complete", 0),
+        ("failed", "FAILED", "failed", 1),
+        ("running", "FAILED", "failed", 1),
+        ("running", "OUT_OF_MEMORY", "failed", 1),
+        ("running", "NODE_FAIL", "failed", 1),
+        ("running", "GONE", "failed", 1),
+        ("running", "CANCELLED", "interrupted", 75),
+        ("running", "TIMEOUT", "interrupted", 75),
+        ("running", "COMPLETED", "busy", 75),
+        ("interrupted", "COMPLETED", "interrupted", 75),
+        ("interrupted", "GONE", "interrupted", 75),
+        ("interrupted", "FAILED", "failed", 1),
+        (None, "FAILED", "failed", 1),
+        (None, "CANCELLED", "interrupted", 75),
+    ],
+)
+def test_manifest_table_and_exit_code_agree(tmp_path, left, slurm, state, code):
+    """``left`` is what the job left in the manifest, ``slurm`` what Slurm says of it."""
+    config = smoke(tmp_path)
+    if left is not None:
+        with claim(config) as (run_directory, _):
+            run_directory.update_manifest(status=left, step=2000 if left == "complete" else 500)
+    cell = make_plan([config]).cells[0]
+    end = ending_in_slurm(cell, "12_3", GONE if slurm == "GONE" else JobState(slurm, "", ""), tmp_path)
+    assert end.state == state and exit_code({end.state: 1}) == code
+    manifest = cell.run.read_manifest()
+    if state in ("complete", "failed") or (left is not None and state == "interrupted"):
+        assert manifest is not None and manifest.status == state
+    if state == "failed" and left != "failed":
+        assert manifest.failure.message.endswith("(Slurm job 12_3)") and end.read.name == "12_3_0_log.err"

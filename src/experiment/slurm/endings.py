@@ -12,7 +12,7 @@ from src.experiment.hashing import configuration_hash
 from src.experiment.manifest import ManifestError
 from src.experiment.plan import Cell
 from src.experiment.pool import record_death
-from src.experiment.slurm.queue import INTERRUPTING, JobState
+from src.experiment.slurm.queue import GONE, INTERRUPTING, JobState
 
 _WORDS = {
     "CANCELLED": "cancelled in Slurm",
@@ -35,14 +35,16 @@ def ending_in_slurm(cell: Cell, job: str, state: JobState, folder: Path) -> Endi
             return end._replace(state="interrupted", why=f"{word} (job {job})")
         return end
     if state.state != "COMPLETED":
-        record_death(cell, f"{word} (Slurm job {job})")
+        # a job that Slurm saw die leaves no `interrupted` behind: it is of an earlier job, or there was no requeue
+        unfinished = ("running",) if state == GONE else ("running", "interrupted")
+        record_death(cell, f"{word} (Slurm job {job})", unfinished)
     end = ending(cell, word)
     if state.state == "FAILED" and not _is_ours(cell):
         return end._replace(state="failed", why=word, read=log)
     if state.state == "COMPLETED" and end.state == "not finished":  # a job returns from an unfinished run only then
         return end._replace(state="busy", why="held by another process", read=log.with_suffix(".out"))
-    has_told = (cell.run.path / "failure.txt").exists()
-    return end._replace(read=log) if end.state in ("failed", "not finished") and not has_told else end
+    silent = end.state == "not finished" or end.why.endswith(f"(Slurm job {job})")  # no traceback in failure.txt
+    return end._replace(read=log) if silent else end
 
 
 def _record_interruption(cell: Cell) -> None:

@@ -6,7 +6,7 @@ import os
 import time
 from typing import Any
 
-from submitit.core.utils import DelayedSubmission
+from submitit.core.utils import DelayedSubmission, UncompletedJobError
 from submitit.slurm.slurm import SlurmJobEnvironment
 
 from src.config import ExperimentConfig, validate
@@ -41,7 +41,10 @@ class Task:
                 print(busy, flush=True)
                 return "busy"
             if outcome.status == "interrupted" and preempted():
-                preempted.hand_over()
+                try:
+                    preempted.hand_over()
+                except UncompletedJobError as error:  # no time-outs left: no failure of the run, which can go on
+                    print(error, flush=True)
         print(f"{outcome.status} at step {outcome.step} {outcome.message}", flush=True)
         return outcome.status
 
