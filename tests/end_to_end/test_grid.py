@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import re
@@ -9,6 +10,8 @@ import subprocess
 import time
 from pathlib import Path
 from typing import Any
+
+import pytest
 
 from tests.end_to_end.commands import AAN, KILL, TINY, newest_checkpoint, real
 
@@ -79,6 +82,7 @@ def test_a_raising_and_a_killed_cell_take_no_other_with_them(tmp_path: Path) -> 
     assert not (runs(tmp_path)[1] / "failure.txt").exists()
 
 
+@pytest.mark.long  # with a pretending trainer: tests/experiment/test_interrupt.py
 def test_two_launchers_at_once_run_no_cell_twice(tmp_path: Path) -> None:
     command = ("-m", "actor=aan", "seed=0,1,2", "label=two", *GRID, "hydra.launcher.n_jobs=1")
     both = [real(tmp_path, *command) for _ in range(2)]
@@ -99,8 +103,9 @@ def test_sixty_complete_cells_are_skipped_in_no_time(reference: Path, tmp_path: 
     from tests.experiment.cells import cell
 
     arguments = (*AAN[1:], "actor=aan")
+    first = cell(*arguments, f"results_dir={tmp_path}")
     for seed in range(60):
-        config = cell(*arguments, f"seed={seed}", f"results_dir={tmp_path}")
+        config = dataclasses.replace(first, seed=seed)
         run = RunDirectory(RunDirectory.path_of(config))
         run.state.mkdir(parents=True)
         (source,) = (reference / "test" / "runs").glob("*/*/*/*/seed_0")
