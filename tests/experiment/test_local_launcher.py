@@ -13,7 +13,7 @@ def sweep(tmp_path_factory):
     results = tmp_path_factory.mktemp("results")
     grid = ("-m", "protocol=smoke", "seed=range(7)", "hydra.launcher.n_jobs=4")
     wrong = {"1": "raise", "2": "exit", "3": "kill", "4": "diverge", "5": "enospc", "6": "hang in native code"}
-    first = run(results, *grid, "hydra.launcher.hang_minutes=0.05", **wrong)
+    first = run(results, *grid, "hydra.launcher.hang_minutes=0.25", **wrong)
     before = {seed: manifest(results, seed) for seed in range(7)}
     files = {seed: (run_path(results, seed) / "failure.txt").exists() for seed in range(7)}
     return results, first, before, files, run(results, *grid)
