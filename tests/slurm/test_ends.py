@@ -77,6 +77,29 @@ def test_a_time_limit_is_a_checkpoint_and_a_requeue(cluster, tmp_path):
     assert steps == list(range(500, 17_001, 500))
 
 
+def test_a_node_that_dies_takes_its_jobs_and_they_come_back(cluster, tmp_path):
+    process = submit(
+        cluster, tmp_path, "protocol=smoke", "protocol.total_steps=10_000", "seed=0,1", stub={"sleep": 1.0}
+    )
+    wait_for(lambda: all((run_path(tmp_path, s) / "state" / "checkpoint").exists() for s in (0, 1)), 90, "two runs")
+    node = cluster.run("sinfo", "-h", "-o", "%n").strip()
+    for state in (("State=DOWN", "Reason=test"), ("State=RESUME",)):
+        subprocess.run(["scontrol", "update", f"NodeName={node}", *state], env=cluster.environment, check=True)
+
+    def ended():
+        cluster.start_requeued()
+        return process.poll() is not None
+
+    wait_for(ended, 240, "the end")
+    done = Done(process)
+    assert done.code == 0, done
+    for seed in (0, 1):
+        first, second = (int(line.split()[-1]) for line in calls(tmp_path, seed))
+        assert first == 0 and second >= 500
+        rows = (run_path(tmp_path, seed) / "training.csv").read_text().splitlines()[1:]
+        assert [int(row.split(",")[0]) for row in rows] == list(range(500, 10_001, 500))
+
+
 def test_no_time_outs_left_is_interrupted_not_failed(cluster, tmp_path):
     process = submit(
         cluster,
