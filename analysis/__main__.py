@@ -36,7 +36,7 @@ def _figures(options: argparse.Namespace) -> None:
     from analysis.collected import load
     from analysis.figures import build
 
-    drawings = build(load(options.study), options.study)
+    drawings = build(load(options.study), options.study, options.claims)
     print(f"{options.study}/figures: {sum(d.figure is not None for d in drawings)} drawn of {len(drawings)}")
 
 
@@ -111,7 +111,7 @@ def _parser() -> argparse.ArgumentParser:
     for name, what, function in stages:
         command = add(name, what, function)
         command.add_argument("study", **study)  # type: ignore[arg-type]
-        if name in ("report", "statistics"):
+        if name in ("report", "figures", "statistics"):
             command.add_argument(
                 "--claims", type=Path, default=FILE, help="another claims file than analysis/claims.yaml"
             )

@@ -18,13 +18,35 @@ REPETITIONS = 10_000
 CURVE_REPETITIONS = 2_000
 CONFIDENCE = 0.95
 SEED = 0
+#: For captions. Simulated: percentile intervals of the mean of normal values, 4,000 samples of each size.
+FEW_SEEDS = (
+    "With few seeds bootstrap intervals are too narrow: of the mean, a nominal 95% interval covers the truth 74% of "
+    "the "
+    "time with 3 seeds, 83% with 5, 89% with 10."
+)
+#: For captions of interquartile means.
+NOTHING_TRIMMED = "Of 3 runs the IQM trims nothing: it is their mean."
 #: A statistic takes one ``[repetitions, seeds of the task]`` array per task and gives ``[repetitions]``.
 Statistic = Callable[[list[Array]], Array]
 
 
 def iqm(tasks: list[Array]) -> Array:
-    """Interquartile mean over all runs and tasks: the 25% trimmed mean of the pooled scores."""
-    return np.asarray(scipy.stats.trim_mean(np.concatenate(tasks, axis=1), 0.25, axis=1))
+    """Interquartile mean over all runs and tasks: the 25% trimmed mean of the pooled scores.
+
+    Tasks weigh the same: with unequal numbers of seeds each run weighs one over its task's number, and a share of
+    ``floor(N / 4) / N`` of the weight is cut at each end, what SciPy's trimmed mean cuts of ``N`` equal runs.
+    """
+    pooled = np.concatenate(tasks, axis=1)
+    lengths = [task.shape[1] for task in tasks]
+    if len(set(lengths)) == 1:
+        return np.asarray(scipy.stats.trim_mean(pooled, 0.25, axis=1))
+    total = sum(lengths)
+    weights = np.concatenate([np.full(n, 1 / (n * len(lengths))) for n in lengths])
+    order = np.argsort(pooled, axis=1, kind="stable")
+    values, weights = np.take_along_axis(pooled, order, axis=1), weights[order]
+    upper, cut = np.cumsum(weights, axis=1), (total // 4) / total
+    kept = np.clip(np.minimum(upper, 1 - cut) - np.maximum(upper - weights, cut), 0, None)
+    return np.asarray((values * kept).sum(axis=1) / kept.sum(axis=1))
 
 
 def mean(tasks: list[Array]) -> Array:
@@ -38,8 +60,8 @@ def median(tasks: list[Array]) -> Array:
 
 
 def optimality_gap(tasks: list[Array], gamma: float = 100.0) -> Array:
-    """How far the scores, cut at ``gamma``, stay below it on average."""
-    return gamma - np.minimum(np.concatenate(tasks, axis=1), gamma).mean(axis=1)
+    """How far the scores, cut at ``gamma``, stay below it on average; tasks weigh the same."""
+    return gamma - mean([np.minimum(task, gamma) for task in tasks])
 
 
 def point(scores: Sequence[Array], statistic: Statistic) -> float:

@@ -26,6 +26,7 @@ class Cell:
         final: ``[seeds]``, final performance.
         diverged: ``[seeds]``, whose last value is carried forward.
         unfinished: number of further runs, which are drawn in curves only.
+        waiting: how far those are, such as ``running, 4,350 of 100,000``; empty where there are none.
     """
 
     algo: str
@@ -39,6 +40,7 @@ class Cell:
     final: Array
     diverged: NDArray[np.bool_]
     unfinished: int
+    waiting: str
     all_evaluations: pd.DataFrame
 
     @property
@@ -86,8 +88,19 @@ def _cell(algo: str, env: str, arm: str, runs: pd.DataFrame, evaluations: pd.Dat
         final=metrics.final_performance(steps, returns, horizon),
         diverged=counted["counts_as"].eq("diverged").to_numpy(dtype=bool),
         unfinished=len(runs) - len(counted),
+        waiting=_waiting(runs[runs["counts_as"] == "unfinished"]),
         all_evaluations=evaluations,
     )
+
+
+def _waiting(runs: pd.DataFrame) -> str:
+    if runs.empty:
+        return ""
+    kinds = runs["status"].value_counts().sort_index()
+    words = ", ".join(f"{count} {kind}" if len(runs) > 1 else str(kind) for kind, count in kinds.items())
+    furthest = runs.assign(step=runs["step"].fillna(0)).sort_values(["step", "seed"]).iloc[-1]
+    reached = f"{int(furthest['step']):,} of {int(furthest['total_steps']):,}"
+    return f"{words}, {'the furthest ' if len(runs) > 1 else ''}{reached}"
 
 
 def select(cells: list[Cell], algo: str | None = None, env: str | None = None, arm: str | None = None) -> list[Cell]:

@@ -7,15 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.bootstrap import improvement_interval
 from analysis.cells import Cell, select
 from analysis.claims_file import Claim, Claims
-from analysis.flatten import IDENTITY, differing_keys
-from analysis.improvement import probability_of_improvement
+from analysis.improvement import improvement_with_interval
 from analysis.metrics import hedges_g
 from analysis.names import actor_name, algorithm_name, task_name
-from analysis.study import Study, flat_configuration
-from analysis.tests_of_claims import MINIMUM_SEEDS, Contrast, holm, seeds_for_power, verdict, welch_contrast
+from analysis.settings import unequal_settings
+from analysis.study import Study
+from analysis.tests_of_claims import Contrast, holm, seeds_for_power, verdict, welch_contrast
+from analysis.untested import summary
 
 Array = NDArray[np.float64]
 _NAN = float("nan")
@@ -34,6 +34,8 @@ class Row:
     adjusted_p: float
     verdict: str
     why: str
+    reason: str  # why it could not be tested, a key of ``untested.REASONS``; empty if it was
+    lacking: tuple[str, ...]  # the arms that the reason is about
     effect: float
     improvement: tuple[float, float, float]
     seeds_unadjusted: int | None
@@ -43,7 +45,7 @@ class Row:
 
 @dataclass
 class Overall:
-    """A claim over all its tasks under one algorithm."""
+    """A claim over all its tasks under one algorithm, or (``algo`` is "td3 and sac") under all of them."""
 
     claim: Claim
     algo: str
@@ -55,8 +57,8 @@ def decide(study: Study, cells: list[Cell], claims: Claims) -> list[Row]:
     """All rows, Holm-corrected within each algorithm, by METHOD's verdict rule."""
     rows: list[Row] = []
     for algo in dict.fromkeys(cell.algo for cell in cells):
-        family = [_row(study, cells, claim, algo, env) for claim in claims.claims for env in claims.tasks]
-        again = [_row(study, cells, claim, algo, env, False) for claim in claims.claims for env in claims.tasks]
+        family = [_row(study, cells, claims, claim, algo, env) for claim in claims.claims for env in claims.tasks]
+        again = [_row(study, cells, claims, claim, algo, env, False) for claim in claims.claims for env in claims.tasks]
         _correct(family, claims)
         _correct(again, claims)
         tested = sum(not np.isnan(row.contrast.p) for row, _ in family)
@@ -80,27 +82,27 @@ def _correct(family: list[tuple[Row, list[Array]]], claims: Claims) -> None:
 
 
 def _row(
-    study: Study, cells: list[Cell], claim: Claim, algo: str, env: str, with_diverged: bool = True
+    study: Study, cells: list[Cell], claims: Claims, claim: Claim, algo: str, env: str, with_diverged: bool = True
 ) -> tuple[Row, list[Array]]:
     found = [_arm(cells, claim, algo, env, arm) for arm in claim.arms]
     arms = [(cell.final if with_diverged else cell.without_diverged()) if cell else np.array([]) for cell in found]
-    why = _why_not_tested(study, claim, algo, env, arms)
-    contrast = welch_contrast(arms, claim.weights)
-    if not why and np.isnan(contrast.p):
-        why = "no variance between seeds, so there is no test"
-    if why:
-        contrast = Contrast(contrast.estimate, _NAN, _NAN, _NAN, _NAN)
+    reason, lacking, why = _why_not_tested(study, cells, claims, claim, algo, env, arms)
+    contrast = welch_contrast(arms, claim.weights, minimum=claims.minimum_seeds)
+    if not reason and np.isnan(contrast.p):
+        reason, lacking, why = "variance", claim.arms, "no variance between seeds, so there is no test"
+    if reason:
+        # what was trained under different settings has no difference that means anything
+        contrast = Contrast(_NAN if reason == "settings" else contrast.estimate, _NAN, _NAN, _NAN, _NAN)
     effect, improvement = _NAN, (_NAN, _NAN, _NAN)
-    if claim.kind == "difference" and all(len(arm) for arm in arms):
+    if claim.kind == "difference" and all(len(arm) for arm in arms) and reason != "settings":
         a, b = arms
         effect = hedges_g(a, b)
-        enough = min(len(a), len(b)) >= MINIMUM_SEEDS
-        interval = improvement_interval([a], [b]) if enough and with_diverged else (_NAN, _NAN)
-        improvement = (probability_of_improvement([a], [b]), *interval)
+        improvement = improvement_with_interval([a], [b], claims.minimum_seeds)
     row = Row(
         claim=claim, algo=algo, env=env, n=tuple(len(arm) for arm in arms),
         diverged=tuple(int(cell.diverged.sum()) if cell else 0 for cell in found),
-        contrast=contrast, adjusted_p=_NAN, verdict="undecided", why=why, effect=effect, improvement=improvement,
+        contrast=contrast, adjusted_p=_NAN, verdict="undecided", why=why, reason=reason, lacking=lacking,
+        effect=effect, improvement=improvement,
         seeds_unadjusted=None, seeds_adjusted=None, without_diverged="",
     )  # fmt: skip
     return row, arms
@@ -112,50 +114,53 @@ def _arm(cells: list[Cell], claim: Claim, algo: str, env: str, arm: str) -> Cell
     return found[0] if found and (found[0].paper or claim.source == "user") else None
 
 
-def _why_not_tested(study: Study, claim: Claim, algo: str, env: str, arms: list[Array]) -> str:
-    missing = [actor_name(name) for name, values in zip(claim.arms, arms) if not len(values)]
-    if missing:
-        return f"no finished run of {', '.join(missing)}"
-    few = [f"{actor_name(name)} {len(values)}" for name, values in zip(claim.arms, arms) if len(values) < MINIMUM_SEEDS]
-    if few:
-        return f"fewer than {MINIMUM_SEEDS} finished seeds: {', '.join(few)}"
-    differing = unequal_settings(study, algo, env, claim.arms)
-    return f"the arms were trained under different settings: {'; '.join(differing)}" if differing else ""
-
-
-def unequal_settings(study: Study, algo: str, env: str, arms: tuple[str, ...]) -> list[str]:
-    """Settings outside the actor in which arms differ ("identical configurations" does not hold), each as a phrase.
-
-    The actor's learning rate and log-std network go with the actor [PopSAN]; a key that a label declares as changed
-    is meant.
-    """
-    exempt = {"algo.actor_learning_rate", "algo.log_std_network", "threads", "device"} | IDENTITY
-    runs = study.runs[(study.runs["algo"] == algo) & (study.runs["env"] == env)]
-    flat = {arm: flat_configuration(study, algo, env, arm) for arm in arms}
-    engines = {arm: runs.loc[runs["arm"] == arm, "engine"].dropna().unique() for arm in arms}
-    changed = "".join(runs.loc[runs["arm"].isin(arms), "changed_keys"].unique())
-    found: dict[str, str] = {}
-    for arm in arms[1:]:
-        first = {**flat[arms[0]], "engine": str(list(engines[arms[0]]))}
-        for key, old, new in differing_keys(first, {**flat[arm], "engine": str(list(engines[arm]))}, frozenset(exempt)):
-            if not key.startswith(("actor.", "encoder.")) and f'{key.removeprefix("algo.")}"' not in changed:
-                found.setdefault(key, f"{key} ({old} for {actor_name(arms[0])}, {new} for {actor_name(arm)})")
-    return [found[key] for key in sorted(found)]
+def _why_not_tested(
+    study: Study, cells: list[Cell], claims: Claims, claim: Claim, algo: str, env: str, arms: list[Array]
+) -> tuple[str, tuple[str, ...], str]:
+    """The reason's key, the arms that it is about, and the remark; all empty where the row can be tested."""
+    if not select(cells, algo, env):
+        return "task", claim.arms, "no runs on this task"
+    if missing := tuple(name for name, values in zip(claim.arms, arms) if not len(values)):
+        return "unfinished", missing, f"no finished run of {', '.join(map(actor_name, missing))}"
+    if few := {n: len(v) for n, v in zip(claim.arms, arms) if len(v) < claims.minimum_seeds}:
+        shown = ", ".join(f"{actor_name(name)} {count}" for name, count in few.items())
+        return "few", tuple(few), f"fewer than {claims.minimum_seeds} finished seeds: {shown}"
+    if differing := unequal_settings(study, algo, env, claim.arms):
+        return "settings", claim.arms, f"the arms were trained under different settings: {'; '.join(differing)}"
+    return "", (), ""
 
 
 def overall(rows: list[Row], claims: Claims) -> list[Overall]:
-    """Each claim on all its tasks: supported needs all of them, one contradicted task contradicts, else undecided."""
-    results = []
-    for algo in dict.fromkeys(row.algo for row in rows):
-        for claim in claims.claims:
-            mine = [row for row in rows if row.algo == algo and row.claim.name == claim.name]
-            by = {kind: [r for r in mine if r.verdict == kind] for kind in ("supported", "contradicted", "undecided")}
-            untested = [task_name(row.env) for row in mine if np.isnan(row.contrast.p)]
-            why = "; ".join(
-                f"{kind} on {', '.join(task_name(row.env) for row in found)}" for kind, found in by.items() if found
-            )
-            if untested:
-                why += f". Not testable on {', '.join(untested)}, so this study cannot support it on every task"
-            kind = "contradicted" if by["contradicted"] else "undecided" if by["undecided"] else "supported"
-            results.append(Overall(claim, algo, kind, f"{algorithm_name(algo)}: {why}."))
+    """Each claim on all its tasks: supported needs all of them, one contradicted task contradicts, else undecided.
+
+    Where a study has several algorithms, a row for all of them comes before theirs.
+    """
+    algos = list(dict.fromkeys(row.algo for row in rows))
+    results: list[Overall] = []
+    for claim in claims.claims if claims.tasks else ():
+        each = [
+            _on_every_task([row for row in rows if (row.algo, row.claim.name) == (algo, claim.name)]) for algo in algos
+        ]
+        if len(each) > 1:
+            names = [algorithm_name(algo) for algo in algos]
+            why = "; ".join(f"{result.verdict} under {name}" for result, name in zip(each, names))
+            results.append(Overall(claim, " and ".join(algos), _worst([r.verdict for r in each]), f"{why}."))
+        results += each
     return results
+
+
+def _on_every_task(rows: list[Row]) -> Overall:
+    first = rows[0]
+    by = {kind: [r for r in rows if r.verdict == kind and not r.reason] for kind in ("supported", "contradicted")}
+    by["undecided"] = [row for row in rows if row.verdict == "undecided" and not row.reason]
+    parts = [f"{kind} on {', '.join(task_name(row.env) for row in found)}" for kind, found in by.items() if found]
+    sentence = f"{algorithm_name(first.algo)}: {'; '.join(parts)}. " if parts else ""
+    untested = [row for row in rows if row.reason]
+    if untested:
+        where = ", ".join(task_name(row.env) for row in untested)
+        sentence += f"Not testable on {where}, so this study cannot support it on every task ({summary(untested)})."
+    return Overall(first.claim, first.algo, _worst([row.verdict for row in rows]), sentence.strip())
+
+
+def _worst(verdicts: list[str]) -> str:
+    return next((kind for kind in ("contradicted", "undecided") if kind in verdicts), "supported")

@@ -9,6 +9,7 @@ from typing import Any
 import yaml
 
 from analysis.errors import InputError
+from analysis.tests_of_claims import MINIMUM_SEEDS
 
 FILE = Path(__file__).with_name("claims.yaml")
 _ROLES = {
@@ -37,6 +38,7 @@ class Claims:
     power: float
     tasks: tuple[str, ...]
     claims: tuple[Claim, ...]
+    minimum_seeds: int = MINIMUM_SEEDS
 
 
 def read_claims(path: Path = FILE) -> Claims:
@@ -58,11 +60,14 @@ def read_claims(path: Path = FILE) -> Claims:
             raise InputError(f"{path.name}: {key} should be a {kind.__name__}, found {content.get(key)!r}.")
     if not (0 < content["alpha"] < 1 and 0 < content["power"] < 1):
         raise InputError(f"{path.name}: alpha and power lie between 0 and 1.")
+    minimum = content.get("minimum_seeds", MINIMUM_SEEDS)
+    if not isinstance(minimum, int) or isinstance(minimum, bool) or minimum < MINIMUM_SEEDS:
+        raise InputError(f"{path.name}: minimum_seeds is a whole number, at least {MINIMUM_SEEDS}; found {minimum!r}.")
     claims = tuple(_claim(path.name, entry) for entry in content["claims"])
     names = [claim.name for claim in claims]
     if len(set(names)) < len(names):
         raise InputError(f"{path.name}: two claims have the same name.")
-    return Claims(content["alpha"], content["power"], tuple(map(str, content["tasks"])), claims)
+    return Claims(content["alpha"], content["power"], tuple(map(str, content["tasks"])), claims, minimum)
 
 
 def _claim(file: str, entry: Any) -> Claim:

@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from analysis.bootstrap import improvement_interval
 from analysis.cells import Cell, cells_of
 from analysis.errors import InputError
 from analysis.flatten import differing_keys
-from analysis.improvement import probability_of_improvement
+from analysis.improvement import SEPARATED, improvement_with_interval
 from analysis.metrics import hedges_g
 from analysis.names import algorithm_name, task_name
 from analysis.study import Study, read_study
@@ -69,18 +68,17 @@ def compare(a: Side, b: Side, algo: str | None = None) -> tuple[Table, list[str]
             same_label = cell.arm == other.arm or a.label is not None or b.label is not None
             if (cell.algo, cell.env) != (other.algo, other.env) or not same_label:
                 continue
-            rows.append(_row(cell, other))
+            where = f"{algorithm_name(cell.algo)}, {task_name(cell.env)}, {cell.arm} / {other.arm}"
             keys = [s.study.configurations[f"{c.algo}/{c.env}/{c.arm}"] for s, c in ((a, cell), (b, other))]
-            shown = "; ".join(f"{key}: {x} / {y}" for key, x, y in differing_keys(keys[0], keys[1])[:8])
-            if shown:
-                notes.append(
-                    f"{algorithm_name(cell.algo)}, {task_name(cell.env)}, {cell.arm} / {other.arm} differ in {shown}."
-                )
-            if cell.horizon != other.horizon:
-                notes.append(
-                    f"{task_name(cell.env)}: unequal training, {cell.horizon:,} against {other.horizon:,} steps: not "
-                    f"comparable."
-                )
+            differing = differing_keys(keys[0], keys[1])
+            unequal = cell.horizon != other.horizon
+            remarks = [f"unequal training, {cell.horizon:,} against {other.horizon:,} steps: not comparable"] * unequal
+            if differing:
+                shown = [f"{key}: {x} / {y}" for key, x, y in differing[:8]]
+                more = [f"and {len(differing) - 8} more keys"] if len(differing) > 8 else []
+                remarks.append("differ in " + "; ".join(shown + more))
+            notes += [f"{where}: {remark}." for remark in remarks]
+            rows.append(_row(cell, other, tested=not unequal) | {"remark": "; ".join(remarks)})
     if not rows:
         raise InputError(
             f"{a.name} and {b.name} have no algorithm, task and label in common, so there is nothing to compare."
@@ -95,19 +93,21 @@ def compare(a: Side, b: Side, algo: str | None = None) -> tuple[Table, list[str]
         ("p", "p (not adjusted)", p_value),
         ("effect", "Hedges' g", number(2)),
         ("improvement", "P(A > B) [95%]", str),
+        ("remark", "Remark", text),
     ]
     caption = (
-        f"A is {a.name}, B is {b.name}. Final performance; Welch's test; p is not adjusted for the number of rows."
+        f"A is {a.name}, B is {b.name}. Final performance; Welch's test; p is not adjusted for the number of rows. "
+        f"Nothing is tested after unequal training. {SEPARATED}"
     )
     return Table("compare", "statistics", "Side by side", caption, pd.DataFrame(rows), columns), notes
 
 
-def _row(a: Cell, b: Cell) -> dict[str, object]:
-    contrast, improvement = welch_contrast([a.final, b.final], (1.0, -1.0)), "–"
-    if a.n and b.n:
-        enough = min(a.n, b.n) >= MINIMUM_SEEDS
-        low, high = improvement_interval([a.final], [b.final]) if enough else (np.nan, np.nan)
-        improvement = pair(probability_of_improvement([a.final], [b.final]), low, high, 2)
+def _row(a: Cell, b: Cell, tested: bool) -> dict[str, object]:
+    contrast, improvement, effect = welch_contrast([a.final, b.final], (1.0, -1.0)), "–", np.nan
+    if a.n and b.n and tested:
+        improvement = pair(*improvement_with_interval([a.final], [b.final], MINIMUM_SEEDS), 2)
+        effect = hedges_g(a.final, b.final)
+    difference = pair(contrast.estimate, contrast.low, contrast.high) if tested else "–"
     shown = [
         spread(cell.final.mean() if cell.n else np.nan, cell.final.std(ddof=1) if cell.n > 1 else np.nan, cell.n)
         for cell in (a, b)
@@ -118,8 +118,8 @@ def _row(a: Cell, b: Cell) -> dict[str, object]:
         "labels": a.arm if a.arm == b.arm else f"{a.arm} / {b.arm}",
         "a": shown[0],
         "b": shown[1],
-        "difference": pair(contrast.estimate, contrast.low, contrast.high),
-        "p": contrast.p,
-        "effect": hedges_g(a.final, b.final),
+        "difference": difference,
+        "p": contrast.p if tested else np.nan,
+        "effect": effect,
         "improvement": improvement,
     }

@@ -5,7 +5,8 @@ A spiking layer's synaptic operations per decision are its input spikes times it
 its synapses
 count once. A lateral spike at step tau reaches its neighbours at tau + 1, so ``(T - 1) * rate * connections``. An
 artificial
-layer does ``n_in * n_out`` multiply-accumulates (MACs).
+layer does ``n_in * n_out`` multiply-accumulates (MACs). A LIF neuron multiplies its current and its membrane by their
+decays at every step, spikes or not: ``2 T`` MACs, which no sparsity saves.
 """
 
 from __future__ import annotations
@@ -17,16 +18,17 @@ MAC_PICOJOULE = 4.6
 ACCUMULATE_PICOJOULE = 0.9
 ASSUMPTIONS = (
     "45 nm CMOS, 32-bit floating point: 4.6 pJ a multiply-accumulate (MAC), 0.9 pJ an accumulate (AC).",
-    "Counted for a spiking actor: one AC per synaptic operation (input spikes times fan-out, summed over T steps) "
-    "and per "
-    "lateral operation; in the encoder 2 MACs per receptive field (square, scale; the exponential is free) and, under "
-    "deterministic coding, T ACs; in the decoder one MAC per output neuron.",
-    "Counted for an artificial actor: one MAC per weight.",
-    "Not counted, for anyone: memory traffic, biases, activation functions, membrane updates and resets, the maximum "
-    "over "
-    "branches, random numbers, observation normalisation, and SAC's log-std network, which deterministic decisions "
-    "do not use.",
-    "Firing rates are those of training batches in the last 10% of the steps, averaged over finished seeds. It is an "
+    "Counted for a spiking actor: one AC per synaptic operation (input spikes times fan-out, summed over T steps), per "
+    "lateral operation, and per bias and step; 2 MACs per LIF neuron and step (the decays of current and membrane); in "
+    "the encoder 2 MACs per receptive field (square, scale; the exponential is free) and, under deterministic "
+    "coding, T "
+    "ACs; in the decoder one MAC per output neuron and one AC per action.",
+    "Counted for an artificial actor: one MAC per weight, one AC per bias.",
+    "Not counted, for anyone: memory traffic, activation functions, comparisons with the threshold and resets, the "
+    "maximum over branches, random numbers, observation normalisation, and SAC's log-std network, which deterministic "
+    "decisions do not use.",
+    "Firing rates are those of training batches in the last 10% of the steps, averaged over the seeds that came "
+    "so far. It is an "
     "estimate of arithmetic, not a measurement of a chip.",
 )
 
@@ -37,14 +39,15 @@ class Cost(NamedTuple):
     synaptic_operations: float  # of the inter-layer synapses, ACs
     lateral_operations: float  # ACs
     encoder_accumulates: float  # ACs
-    macs: float  # encoder and decoder of a spiking actor; everything of an artificial one
+    bias_accumulates: float  # ACs
+    macs: float  # encoder, neurons and decoder of a spiking actor; all weights of an artificial one
     connections: int  # inter-layer
     lateral_connections: int
 
     @property
     def nanojoule(self) -> float:
         """The energy estimate."""
-        accumulates = self.synaptic_operations + self.lateral_operations + self.encoder_accumulates
+        accumulates = sum(self[:4])
         return (accumulates * ACCUMULATE_PICOJOULE + self.macs * MAC_PICOJOULE) / 1000
 
 
@@ -58,7 +61,7 @@ def lateral_connections(width: int, radius: int, include_self: bool = False) -> 
 def mlp_cost(sizes: list[int]) -> Cost:
     """An artificial actor ``sizes[0] -> ... -> sizes[-1]``."""
     macs = sum(a * b for a, b in pairwise(sizes))
-    return Cost(0.0, 0.0, 0.0, float(macs), macs, 0)
+    return Cost(0.0, 0.0, 0.0, float(sum(sizes[1:])), float(macs), macs, 0)
 
 
 def spiking_cost(config: dict[str, Any], observation_size: int, action_size: int, rates: list[float]) -> Cost:
@@ -84,11 +87,16 @@ def spiking_cost(config: dict[str, Any], observation_size: int, action_size: int
     ]
     sideways = sum((steps - 1) * rate * n for rate, n in zip(rates[1:], neighbours))
     coding = steps * inputs if encoder["coding"] == "deterministic" else 0
+    dendritic, neurons = actor["dendritic"], sum(hidden) + outputs
+    # a bias inside the max is added on every branch; the output population has branches only with its own topology
+    several = int(dendritic.get("branches", 1)) if dendritic.get("bias") == "branch" else 1
+    biases = sum(hidden) * several + outputs * (several if dendritic.get("output_topology") else 1)
     return Cost(
         synaptic,
         sideways,
         float(coding),
-        2.0 * inputs + outputs,
+        float(steps * biases + action_size),
+        2.0 * inputs + 2.0 * steps * neurons + outputs,
         sum(a * b for a, b in pairwise(sizes)),
         sum(neighbours),
     )

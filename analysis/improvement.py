@@ -1,4 +1,6 @@
-"""Probability of improvement, by rliable, for arms whose tasks may have unequal numbers of seeds."""
+"""Probability of improvement, by rliable, for arms whose tasks may have unequal numbers of seeds; its interval by our
+bootstrap.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 from rliable import metrics as rliable_metrics
+
+from analysis.bootstrap import improvement_interval
 
 Array = NDArray[np.float64]
 
@@ -20,3 +24,20 @@ def probability_of_improvement(x: Sequence[Array], y: Sequence[Array]) -> float:
         for a, b in zip(x, y, strict=True)
     ]
     return float(np.mean(values))
+
+
+#: For captions.
+SEPARATED = "No interval stands where all seeds of one arm beat all of the other: resampling them cannot vary that."
+
+
+def improvement_with_interval(x: Sequence[Array], y: Sequence[Array], minimum: int) -> tuple[float, float, float]:
+    """The probability and its 95% bootstrap interval.
+
+    The interval is NaN below ``minimum`` seeds in an arm, and where every task is completely separated or tied, so that
+    every resample gives the same number.
+    """
+    value = probability_of_improvement(x, y)
+    if min(len(arm) for arm in (*x, *y)) < minimum:
+        return value, np.nan, np.nan
+    low, high = improvement_interval(x, y)
+    return (value, low, high) if high > low else (value, np.nan, np.nan)

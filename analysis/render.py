@@ -38,6 +38,7 @@ def render(folder: Path) -> Path:
         "tables": {table["name"]: table for table in tables["tables"]},
         "figures": [_inlined(figure, folder / "figures") for figure in figures],
         "notes": tables["notes"],
+        "overview": tables["overview"],
         "sections": SECTIONS,
         "marks": MARKS,
     }

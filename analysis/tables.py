@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +48,8 @@ class Table:
         columns: ``(key of the frame, header, how to print a value)``; keys left out stand in the CSV only.
         empty: what to say where there are no rows.
         folded: shown behind a click, for long tables.
+        display: the rows that are printed, where they are fewer than those of the CSV.
+        instead: a sentence that is printed in place of the rows; the CSV keeps them.
     """
 
     name: str
@@ -58,7 +60,8 @@ class Table:
     columns: Sequence[Column]
     empty: str = "Nothing to show."
     folded: bool = False
-    extra: dict[str, Any] = field(default_factory=dict)
+    display: pd.DataFrame | None = None
+    instead: str = ""
 
     def headers(self) -> list[str]:
         """Printed headers."""
@@ -66,9 +69,10 @@ class Table:
 
     def rows(self) -> list[list[str]]:
         """Printed cells."""
-        if self.frame.empty:
+        frame = self.frame if self.display is None else self.display
+        if frame.empty or self.instead:
             return []
-        columns = [[show(value) for value in self.frame[key]] for key, _, show in self.columns]
+        columns = [[show(value) for value in frame[key]] for key, _, show in self.columns]
         return [list(row) for row in zip(*columns)]
 
     def numeric(self) -> list[bool]:
@@ -85,9 +89,8 @@ class Table:
             "headers": self.headers(),
             "numeric": self.numeric(),
             "rows": self.rows(),
-            "empty": self.empty,
+            "empty": self.instead or self.empty,
             "folded": self.folded,
-            **self.extra,
         }
 
     def latex(self) -> str:
@@ -137,11 +140,14 @@ def number(digits: int = 0, missing: str = "–") -> Callable[[Any], str]:
     return show
 
 
-def p_value(value: Any) -> str:
-    """Three decimals; nothing smaller than ``< 0.001``."""
+def p_value(value: Any, alpha: float = 0.05) -> str:
+    """Three decimals; nothing smaller than ``< 0.001``; more where a rounded p would read as ``alpha`` and is not."""
     if value is None or pd.isna(value):
         return "–"
-    return "< 0.001" if value < 0.001 else f"{value:.3f}"
+    digits = 3
+    while float(f"{value:.{digits}f}") == alpha and value != alpha and digits < 12:
+        digits += 1
+    return "< 0.001" if value < 0.001 and digits == 3 else f"{value:.{digits}f}"
 
 
 def pair(value: Any, low: Any, high: Any, digits: int = 0) -> str:

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import scipy.optimize
 import scipy.stats
 from numpy.typing import NDArray
 from statsmodels.stats.multitest import multipletests
@@ -32,15 +33,17 @@ class Contrast(NamedTuple):
     df: float
 
 
-def welch_contrast(arms: Sequence[Array], weights: Sequence[float], confidence: float = 0.95) -> Contrast:
+def welch_contrast(
+    arms: Sequence[Array], weights: Sequence[float], confidence: float = 0.95, minimum: int = MINIMUM_SEEDS
+) -> Contrast:
     """Estimate, interval and two-sided p of ``sum_i weights_i * mean(arms_i)``, each arm ``[seeds]``.
 
-    Fewer than ``MINIMUM_SEEDS`` seeds in an arm, or no variance in any: the estimate alone.
+    Fewer than ``minimum`` seeds in an arm, or no variance in any: the estimate alone.
     """
     if any(len(arm) == 0 for arm in arms):
         return Contrast(np.nan, np.nan, np.nan, np.nan, np.nan)
     estimate = float(sum(c * arm.mean() for c, arm in zip(weights, arms, strict=True)))
-    if any(len(arm) < MINIMUM_SEEDS for arm in arms):
+    if any(len(arm) < minimum for arm in arms):
         return Contrast(estimate, np.nan, np.nan, np.nan, np.nan)
     parts = np.array([c**2 * arm.var(ddof=1) / len(arm) for c, arm in zip(weights, arms, strict=True)])
     if not parts.sum() > 0:
@@ -50,6 +53,15 @@ def welch_contrast(arms: Sequence[Array], weights: Sequence[float], confidence: 
     p = 2 * float(scipy.stats.t.sf(abs(estimate) / error, df))
     half = error * float(scipy.stats.t.ppf((1 + confidence) / 2, df))
     return Contrast(estimate, estimate - half, estimate + half, p, df)
+
+
+def t_interval(values: Array, confidence: float = 0.95, minimum: int = MINIMUM_SEEDS) -> tuple[float, float]:
+    """Student's interval of the mean of ``values [seeds]``; NaN below ``minimum`` seeds."""
+    n = len(values)
+    if n < max(minimum, 2):
+        return np.nan, np.nan
+    half = float(values.std(ddof=1)) / np.sqrt(n) * float(scipy.stats.t.ppf((1 + confidence) / 2, n - 1))
+    return float(values.mean() - half), float(values.mean() + half)
 
 
 def holm(p_values: Array, alpha: float = 0.05) -> Array:
@@ -98,6 +110,15 @@ def seeds_for_power(
         else:
             low = middle
     return high
+
+
+def detectable_effect(n: int, alpha: float, wanted: float) -> float:
+    """The difference in standard deviations that ``n`` against ``n`` seeds detect with the wanted power."""
+
+    def lacking(effect: float) -> float:
+        return power(n, effect, np.ones(2), (1.0, -1.0), alpha) - wanted
+
+    return float(scipy.optimize.brentq(lacking, 1e-6, 200.0))
 
 
 def verdict(adjusted_p: float, estimate: float, alpha: float = 0.05) -> str:

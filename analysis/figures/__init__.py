@@ -1,5 +1,5 @@
-"""The figures stage. To add a figure: a file here with a function ``(study, cells, algo) -> list[Drawing]``, and a
-line below.
+"""The figures stage. To add a figure: a file here with a function
+``(study, cells, algo, claims) -> list[Drawing]``, and a line below.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from pathlib import Path
 from matplotlib import pyplot as plt
 
 from analysis.cells import cells_of
+from analysis.claims_file import FILE, read_claims
 from analysis.figures import (
     ablation_bars,
     final_performance,
@@ -40,13 +41,13 @@ FIGURES = (
 )
 
 
-def build(study: Study, folder: Path) -> list[Drawing]:
+def build(study: Study, folder: Path, claims_path: Path = FILE) -> list[Drawing]:
     """Draw everything for every algorithm of a study and write ``results/<study>/figures/``."""
-    cells, drawings = cells_of(study), []
+    claims, cells, drawings = read_claims(claims_path), cells_of(study), []
     with plt.rc_context(RC), replaced_folder(folder / "figures") as out:
         for algo in ordered_algorithms(study.runs["algo"]):
             for draw in FIGURES:
-                for drawing in draw(study, cells, algo):
+                for drawing in draw(study, cells, algo, claims):
                     drawing.save(out)
                     drawings.append(drawing)
         write_json(out / "figures.json", [drawing.as_dict() for drawing in drawings])

@@ -7,6 +7,7 @@ import pandas as pd
 
 from analysis import metrics
 from analysis.cells import Cell, select
+from analysis.claims_file import Claims
 from analysis.figures.drawing import Drawing
 from analysis.names import actor_name, algorithm_name, task_name
 from analysis.study import Study
@@ -15,7 +16,7 @@ from analysis.style import looks, panels
 ARMS = ("bptsan_wo_ndt", "bptsan", "bptsan_wo_li")  # the paper's order
 
 
-def draw(study: Study, cells: list[Cell], algo: str) -> list[Drawing]:
+def draw(study: Study, cells: list[Cell], algo: str, claims: Claims) -> list[Drawing]:
     """``ablation-<algo>``; its CSV has both readings, the bars are ``max_of_mean``."""
     name, title = f"ablation-{algo}", f"Ablation, {algorithm_name(algo)}: max average return"
     caption = (

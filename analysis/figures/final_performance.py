@@ -5,23 +5,22 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from analysis import bootstrap
 from analysis.cells import Cell, select
+from analysis.claims_file import Claims
 from analysis.figures.drawing import Drawing
 from analysis.names import actor_name, algorithm_name, ordered_arms, task_name
 from analysis.study import Study
 from analysis.style import looks, panels
-from analysis.tests_of_claims import MINIMUM_SEEDS
+from analysis.tests_of_claims import MINIMUM_SEEDS, t_interval
 
 
-def draw(study: Study, cells: list[Cell], algo: str) -> list[Drawing]:
-    """``final-<algo>``: seeds as points, the mean as a bar, its 95% bootstrap interval from three seeds on."""
+def draw(study: Study, cells: list[Cell], algo: str, claims: Claims) -> list[Drawing]:
+    """``final-<algo>``: seeds as points, the mean as a bar, its 95% t interval from three seeds on."""
     name, title = f"final-{algo}", f"Final performance by seed, {algorithm_name(algo)}"
     caption = (
-        "Each point is a run: the mean of its evaluations in the last 10% of its steps. Vertical bar: mean over "
-        "seeds; line: its 95% "
-        f"bootstrap interval (from {MINIMUM_SEEDS} seeds on). Crosses are diverged runs with their last value "
-        f"carried forward."
+        "Each point is a run: the mean of its evaluations in the last 10% of its steps. Vertical bar: mean over seeds; "
+        f"line: its 95% t interval (from {MINIMUM_SEEDS} seeds on). Crosses are diverged runs with their last value "
+        "carried forward."
     )
     here = [cell for cell in select(cells, algo) if cell.n]
     if not here:
@@ -34,9 +33,7 @@ def draw(study: Study, cells: list[Cell], algo: str) -> list[Drawing]:
         shown = select(here, env=env)
         for place, cell in enumerate(shown):
             arm, look = cell.arm, style[cell.arm]
-            low, high = (
-                bootstrap.interval([cell.final], bootstrap.mean) if cell.n >= MINIMUM_SEEDS else (np.nan, np.nan)
-            )
+            low, high = t_interval(cell.final)
             offsets = np.linspace(-0.2, 0.2, cell.n) if cell.n > 1 else np.zeros(1)
             ok = ~cell.diverged
             axis.scatter(

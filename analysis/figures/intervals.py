@@ -6,32 +6,39 @@ import numpy as np
 import pandas as pd
 from matplotlib.ticker import MaxNLocator
 
+from analysis import bootstrap
 from analysis.cells import Cell
+from analysis.claims_file import Claims
 from analysis.figures.drawing import Drawing
 from analysis.names import actor_name, algorithm_name, task_name
-from analysis.statistics.aggregates import METRICS, complete_arms, table, tasks_of
+from analysis.statistics.aggregates import METRICS, complete_arms, left_out, table, tasks_of
 from analysis.study import Study
 from analysis.style import looks, panels
 
 
-def draw(study: Study, cells: list[Cell], algo: str) -> list[Drawing]:
+def draw(study: Study, cells: list[Cell], algo: str, claims: Claims) -> list[Drawing]:
     """``intervals-<algo>``: IQM, median, mean and optimality gap of normalised final performance."""
     name, title = f"intervals-{algo}", f"Over all tasks, {algorithm_name(algo)}"
-    tasks, arms = tasks_of(cells, algo), complete_arms(cells, algo)
+    tasks, arms = tasks_of(cells, algo, claims), complete_arms(cells, algo, claims)
     caption = (
-        f"Normalised final performance over {', '.join(map(task_name, tasks)) or 'no task'}: 0 a random policy, 100 "
-        f"a published AAN. Points: "
-        "the aggregate; bars: 95% stratified bootstrap intervals over seeds (none below three seeds). Higher is "
-        "better, except for "
-        "the optimality gap. Only actors with finished runs on all of these tasks are shown."
+        f"Normalised final performance over {', '.join(map(task_name, tasks)) or 'no task'}: 0 a random policy, 100 a "
+        "published AAN after 1,000,000 steps. Points: the aggregate; bars: 95% stratified bootstrap intervals over "
+        "seeds "
+        f"(none below three seeds). {bootstrap.FEW_SEEDS} {bootstrap.NOTHING_TRIMMED} Higher is better, except for the "
+        "optimality gap. Only actors with finished runs on all of these tasks are shown."
+        + left_out(cells, algo, claims)
     )
     if not arms:
         return [
             Drawing(
-                name, title, caption, missing="No actor has finished runs on every task that has a reference score."
+                name,
+                title,
+                caption,
+                missing="No actor has finished runs on every task that has a reference score."
+                + left_out(cells, algo, claims),
             )
         ]
-    frame, style = table(cells).frame, looks(arms)
+    frame, style = table(cells, claims).frame, looks(arms)
     frame = frame[(frame["algo"] == algo) & frame["arm"].isin(arms)].set_index("arm").loc[arms]
     figure, axes = panels(len(METRICS), width=1.9, height=0.8 + 0.26 * len(arms))
     for axis, (key, (label, _)) in zip(axes, METRICS.items()):

@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 
 from analysis import metrics
 from analysis.cells import Cell, select
+from analysis.claims_file import Claims
 from analysis.figures.drawing import Drawing
 from analysis.names import actor_name, algorithm_name, task_name
 from analysis.study import Study
@@ -16,7 +17,7 @@ from analysis.style import Look, legend_below, looks, panels, step_axis
 MAIN = ("aan", "popsan", "bptsan")
 
 
-def draw(study: Study, cells: list[Cell], algo: str) -> list[Drawing]:
+def draw(study: Study, cells: list[Cell], algo: str, claims: Claims) -> list[Drawing]:
     """``main-<algo>`` with the paper's three actors, and ``others-<algo>`` with all further arms beside BPT-SAN."""
     here = select(cells, algo)
     main = [cell for cell in here if cell.arm in MAIN]
@@ -50,12 +51,13 @@ def curve_of(cell: Cell, window: int = metrics.SMOOTHING_WINDOW) -> pd.DataFrame
 def _drawing(name: str, title: str, cells: list[Cell]) -> Drawing:
     caption = (
         "Mean over seeds of the evaluation return; shaded: half a standard deviation over seeds (ddof=1, none for a "
-        "single seed). "
-        f"Smoothed for display with a centred moving average over {metrics.SMOOTHING_WINDOW} evaluations, shortened "
-        f"on both sides alike at the edges. "
-        "Unfinished runs are drawn as far as they went; a thin line marks steps with fewer seeds than n. A diverged "
-        "run's last value is "
-        "carried forward."
+        f"single seed). Smoothed for display with a centred moving average over {metrics.SMOOTHING_WINDOW} "
+        f"evaluations, "
+        "shortened on both sides alike at the edges. n: seeds, by panel where they differ, a range where they differ "
+        "by "
+        "step. Unfinished runs are drawn as far as they went; a thin line marks steps with fewer seeds than n. A "
+        "diverged "
+        "run's last value is carried forward."
     )
     cells = [cell for cell in cells if len(cell.all_evaluations)]
     if not cells:
@@ -65,17 +67,14 @@ def _drawing(name: str, title: str, cells: list[Cell]) -> Drawing:
     style = looks(list(dict.fromkeys(cell.arm for cell in cells)))
     figure, axes = panels(len(tasks))
     frames = []
+    curves = {(cell.env, cell.arm): curve_of(cell) for cell in cells}
     for axis, env in zip(axes, tasks):
         for cell in select(cells, env=env):
-            curve = curve_of(cell)
+            curve = curves[env, cell.arm]
             frames.append(curve.assign(env=env, arm=cell.arm))
-            _plot(axis, curve, style[cell.arm], actor_name(cell.arm))
+            _plot(axis, curve, style[cell.arm], _label(cell.arm, tasks, curves))
         step_axis(axis, max(cell.horizon for cell in select(cells, env=env)))
-        counts = {
-            actor_name(cell.arm): _n(frame)
-            for cell, frame in zip(select(cells, env=env), frames[-len(select(cells, env=env)) :])
-        }
-        axis.set_title(f"{task_name(env)}\n{_counts(counts)}", fontsize=8)
+        axis.set_title(task_name(env))
     for axis in axes[:: min(len(axes), 4)]:
         axis.set_ylabel("Average return")
     legend_below(figure, axes)
@@ -86,18 +85,22 @@ def _plot(axis: Axes, curve: pd.DataFrame, look: Look, label: str) -> None:
     most = curve["n"].max()
     full = curve["n"] == most
     axis.plot(curve["step"], curve["mean_smoothed"], color=look.color, linestyle=look.line, linewidth=0.6)
+    if len(curve) == 1:  # a line of one point is not seen
+        axis.plot(
+            curve["step"], curve["mean_smoothed"], color=look.color, marker=look.marker, markersize=4, clip_on=False
+        )
     whole = curve["mean_smoothed"].where(full)
     axis.plot(curve["step"], whole, color=look.color, linestyle=look.line, label=label)
     low, high = (curve["mean_smoothed"] + sign * curve["half_std_smoothed"] for sign in (-1, 1))
     axis.fill_between(curve["step"], low, high, color=look.color, alpha=0.15, linewidth=0)
 
 
+def _label(arm: str, tasks: list[str], curves: dict[tuple[str, str], pd.DataFrame]) -> str:
+    """The actor and its numbers of seeds, by panel where they differ: ``AAN (n=10)``, ``AAN (n=10/9/–)``."""
+    counts = [_n(curves[env, arm]) if (env, arm) in curves else "–" for env in tasks]
+    return f"{actor_name(arm)} (n={counts[0] if len(set(counts)) == 1 else '/'.join(counts)})"
+
+
 def _n(curve: pd.DataFrame) -> str:
     low, high = int(curve["n"].min()), int(curve["n"].max())
     return str(high) if low == high else f"{low}–{high}"
-
-
-def _counts(counts: dict[str, str]) -> str:
-    if len(set(counts.values())) == 1:
-        return f"n={next(iter(counts.values()))} each"
-    return "n=" + "/".join(counts.values())

@@ -5,56 +5,39 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from analysis.bootstrap import improvement_interval
+from analysis import bootstrap
 from analysis.cells import Cell, select
-from analysis.claims_file import read_claims
+from analysis.claims_file import Claim, Claims
 from analysis.figures.drawing import Drawing
-from analysis.improvement import probability_of_improvement
+from analysis.improvement import SEPARATED, improvement_with_interval
 from analysis.names import actor_name, algorithm_name, task_name
+from analysis.settings import unequal_settings
 from analysis.study import Study
 from analysis.style import panels
-from analysis.tests_of_claims import MINIMUM_SEEDS
 
 
-def draw(study: Study, cells: list[Cell], algo: str) -> list[Drawing]:
+def draw(study: Study, cells: list[Cell], algo: str, claims: Claims) -> list[Drawing]:
     """``improvement-<algo>``: P(a seed of X beats a seed of Y), ties half."""
     name, title = f"improvement-{algo}", f"Probability of improvement, {algorithm_name(algo)}"
+    rows: list[dict[str, object]] = []
+    unequal: list[str] = []
+    for claim in claims.claims:
+        if claim.kind == "difference":
+            rows += _rows(study, cells, algo, claim, claims, unequal)
     caption = (
-        "Probability that a run of the first actor ends better than a run of the second, ties half; “all tasks”: the "
-        "mean over the "
-        "tasks shown. Lines: 95% stratified bootstrap interval (from three seeds in both). At 0.5 neither is better. "
-        "Final performance."
+        "Probability that a run of the first actor ends better than a run of the second, ties half, on the claims' "
+        "tasks; "
+        "diamond: the mean over so many of them. Lines: 95% stratified bootstrap interval (from "
+        f"{claims.minimum_seeds} seeds in both). {bootstrap.FEW_SEEDS} {SEPARATED} At 0.5 neither is better. Final "
+        "performance."
     )
-    rows = []
-    for claim in read_claims().claims:
-        if claim.kind != "difference":
-            continue
-        pairs = {}
-        for env in dict.fromkeys(cell.env for cell in select(cells, algo)):
-            found = [select(cells, algo, env, arm) for arm in claim.arms]
-            if all(f and f[0].n and (f[0].paper or claim.source == "user") for f in found):
-                pairs[env] = (found[0][0].final, found[1][0].final)
-        label = f"{actor_name(claim.arms[0])} > {actor_name(claim.arms[1])}"
-        groups = {task_name(env): [pair] for env, pair in pairs.items()}
-        if len(pairs) > 1:
-            groups["all tasks"] = list(pairs.values())
-        for where, group in groups.items():
-            x, y = [a for a, _ in group], [b for _, b in group]
-            enough = min(len(v) for v in (*x, *y)) >= MINIMUM_SEEDS
-            low, high = improvement_interval(x, y) if enough else (np.nan, np.nan)
-            n = "; ".join(f"{len(a)} against {len(b)}" for a, b in zip(x, y))
-            rows.append(
-                {
-                    "pair": label,
-                    "where": where,
-                    "n": n,
-                    "probability": probability_of_improvement(x, y),
-                    "low": low,
-                    "high": high,
-                }
-            )
+    skipped = (
+        f"Not drawn, because the arms were trained under different settings: {'; '.join(unequal)}." if unequal else ""
+    )
     if not rows:
-        return [Drawing(name, title, caption, missing="No pair of a claim has finished runs of both actors.")]
+        missing = skipped or "No pair of a claim has finished runs of both actors."
+        return [Drawing(name, title, caption, missing=missing)]
+    caption = f"{caption} {skipped}".strip()
     frame = pd.DataFrame(rows)
     pairs_shown = list(dict.fromkeys(frame["pair"]))
     height = 0.55 + 0.19 * int(frame.groupby("pair").size().max())
@@ -62,7 +45,7 @@ def draw(study: Study, cells: list[Cell], algo: str) -> list[Drawing]:
     for index, (axis, pair) in enumerate(zip(axes, pairs_shown)):
         mine = frame[frame["pair"] == pair].reset_index(drop=True)
         for place, row in mine.iterrows():
-            every = row["where"] == "all tasks"
+            every = str(row["where"]).startswith("mean of ")
             axis.plot(
                 [row["low"], row["high"]],
                 [place, place],
@@ -81,3 +64,29 @@ def draw(study: Study, cells: list[Cell], algo: str) -> list[Drawing]:
         if index >= len(pairs_shown) - 2:
             axis.set_xlabel("Probability of improvement")
     return [Drawing(name, title, caption, figure=figure, data=frame)]
+
+
+def _rows(
+    study: Study, cells: list[Cell], algo: str, claim: Claim, claims: Claims, unequal: list[str]
+) -> list[dict[str, object]]:
+    """A row per task on which both arms have finished runs under the same settings, and their mean."""
+    pairs: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+    label = f"{actor_name(claim.arms[0])} > {actor_name(claim.arms[1])}"
+    for env in claims.tasks:
+        found = [select(cells, algo, env, arm) for arm in claim.arms]
+        if not all(f and f[0].n and (f[0].paper or claim.source == "user") for f in found):
+            continue
+        if differing := unequal_settings(study, algo, env, claim.arms):
+            unequal.append(f"{label} on {task_name(env)} ({', '.join(differing)})")
+        else:
+            pairs[env] = (found[0][0].final, found[1][0].final)
+    groups = {task_name(env): [pair] for env, pair in pairs.items()}
+    if len(pairs) > 1:
+        groups[f"mean of {len(pairs)} of {len(claims.tasks)} tasks"] = list(pairs.values())
+    rows: list[dict[str, object]] = []
+    for where, group in groups.items():
+        x, y = [a for a, _ in group], [b for _, b in group]
+        value, low, high = improvement_with_interval(x, y, claims.minimum_seeds)
+        n = "; ".join(f"{len(a)} against {len(b)}" for a, b in group)
+        rows.append({"pair": label, "where": where, "n": n, "probability": value, "low": low, "high": high})
+    return rows

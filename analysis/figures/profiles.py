@@ -7,28 +7,33 @@ import pandas as pd
 
 from analysis import bootstrap
 from analysis.cells import Cell
+from analysis.claims_file import Claims
 from analysis.figures.drawing import Drawing
 from analysis.names import actor_name, algorithm_name, task_name
-from analysis.statistics.aggregates import complete_arms, scores_of, tasks_of
+from analysis.statistics.aggregates import complete_arms, left_out, scores_of, tasks_of
 from analysis.study import Study
 from analysis.style import legend_below, looks, panels
 from analysis.tests_of_claims import MINIMUM_SEEDS
 
 
-def draw(study: Study, cells: list[Cell], algo: str) -> list[Drawing]:
+def draw(study: Study, cells: list[Cell], algo: str, claims: Claims) -> list[Drawing]:
     """``profile-<algo>`` over normalised final performance."""
     name, title = f"profile-{algo}", f"Performance profile, {algorithm_name(algo)}"
-    tasks, arms = tasks_of(cells, algo), complete_arms(cells, algo)
+    tasks, arms = tasks_of(cells, algo, claims), complete_arms(cells, algo, claims)
     caption = (
         f"Share of runs whose normalised final performance exceeds a threshold, over "
-        f"{', '.join(map(task_name, tasks)) or 'no task'}; a curve "
-        "above another at every threshold is better everywhere. Shaded: pointwise 95% stratified bootstrap interval "
-        "(from three seeds on)."
+        f"{', '.join(map(task_name, tasks)) or 'no task'}, tasks weighing the same; a curve above another at every "
+        "threshold is better everywhere. Shaded: pointwise 95% stratified bootstrap interval (from three seeds on). "
+        f"{bootstrap.FEW_SEEDS}" + left_out(cells, algo, claims)
     )
     if not arms:
         return [
             Drawing(
-                name, title, caption, missing="No actor has finished runs on every task that has a reference score."
+                name,
+                title,
+                caption,
+                missing="No actor has finished runs on every task that has a reference score."
+                + left_out(cells, algo, claims),
             )
         ]
     scores = {arm: [scores_of(cells, algo, arm)[env] for env in tasks] for arm in arms}

@@ -7,30 +7,35 @@ import pandas as pd
 
 from analysis import bootstrap
 from analysis.cells import Cell, select
+from analysis.claims_file import Claims
 from analysis.figures.drawing import Drawing
 from analysis.names import actor_name, algorithm_name, task_name
 from analysis.references import normalised
-from analysis.statistics.aggregates import complete_arms, tasks_of
+from analysis.statistics.aggregates import complete_arms, left_out, tasks_of
 from analysis.study import Study
 from analysis.style import legend_below, looks, panels, step_axis
 from analysis.tests_of_claims import MINIMUM_SEEDS
 
 
-def draw(study: Study, cells: list[Cell], algo: str) -> list[Drawing]:
+def draw(study: Study, cells: list[Cell], algo: str, claims: Claims) -> list[Drawing]:
     """``efficiency-<algo>``: not smoothed; only steps at which every counted run of the arm was evaluated."""
     name, title = f"efficiency-{algo}", f"Sample efficiency, {algorithm_name(algo)}"
-    tasks, arms = tasks_of(cells, algo), complete_arms(cells, algo)
+    tasks, arms = tasks_of(cells, algo, claims), complete_arms(cells, algo, claims)
     caption = (
-        f"Interquartile mean of normalised evaluation returns over {', '.join(map(task_name, tasks)) or 'no task'} "
-        f"by step; shaded: 95% "
-        "stratified bootstrap interval over seeds (from three seeds on). Not smoothed. Finished runs and diverged "
-        "ones; only steps at "
-        "which all of an actor's runs were evaluated."
+        f"Interquartile mean of normalised evaluation returns over {', '.join(map(task_name, tasks)) or 'no task'} by "
+        "step; shaded: 95% stratified bootstrap interval over seeds (from three seeds on). "
+        f"{bootstrap.FEW_SEEDS} {bootstrap.NOTHING_TRIMMED} Not smoothed. Finished runs and diverged ones; only "
+        f"steps at "
+        "which all of an actor's runs were evaluated." + left_out(cells, algo, claims)
     )
     if not arms:
         return [
             Drawing(
-                name, title, caption, missing="No actor has finished runs on every task that has a reference score."
+                name,
+                title,
+                caption,
+                missing="No actor has finished runs on every task that has a reference score."
+                + left_out(cells, algo, claims),
             )
         ]
     figure, (axis,) = panels(1, width=4.6, height=2.6)

@@ -6,6 +6,7 @@ import pandas as pd
 from matplotlib import pyplot as plt
 
 from analysis.cells import Cell
+from analysis.claims_file import Claims
 from analysis.figures.drawing import Drawing
 from analysis.health import MEASURES, over_training
 from analysis.names import actor_name, algorithm_name, ordered_arms, ordered_tasks, task_name
@@ -20,7 +21,7 @@ _SHORT = {
 }
 
 
-def draw(study: Study, cells: list[Cell], algo: str) -> list[Drawing]:
+def draw(study: Study, cells: list[Cell], algo: str, claims: Claims) -> list[Drawing]:
     """``health-<algo>-<task>``; one that says so where no spiking actor has run."""
     table = over_training(study, algo)
     table = table[table["layer"] > 0]

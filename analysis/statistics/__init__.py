@@ -8,7 +8,9 @@ from analysis.cells import cells_of
 from analysis.claims import decide, overall
 from analysis.claims_file import FILE, read_claims
 from analysis.health import saturated
+from analysis.overview import overview
 from analysis.statistics import aggregates, cost, performance, provenance, verdicts
+from analysis.statistics.notes import notes
 from analysis.study import Study
 from analysis.tables import Table
 from analysis.writing import replaced_folder, write_json
@@ -17,14 +19,14 @@ from analysis.writing import replaced_folder, write_json
 def build(study: Study, folder: Path, claims_path: Path = FILE) -> list[Table]:
     """Compute every table of a study and write ``results/<study>/statistics/``."""
     claims, cells = read_claims(claims_path), cells_of(study)
-    rows = decide(study, cells, claims)
+    rows, about = decide(study, cells, claims), overview(study)
     tables = [
-        verdicts.overall_table(overall(rows, claims)),
-        performance.main_table(cells),
+        verdicts.overall_table(overall(rows, claims), rows, about["title"]),
+        performance.main_table(cells, claims),
         verdicts.claims_table(rows, claims),
         performance.final_table(cells),
         performance.maxima_table(cells),
-        aggregates.table(cells),
+        aggregates.table(cells, claims),
         performance.published_table(cells),
         performance.seeds_table(cells),
         cost.energy_table(study),
@@ -34,9 +36,11 @@ def build(study: Study, folder: Path, claims_path: Path = FILE) -> list[Table]:
         provenance.versions_table(study),
         provenance.cells_table(study),
     ]
-    notes = [*study.notes, *provenance.notes(study, cells, claims), *saturated(study)]
+    rule = verdicts.rule(rows, claims)
+    told = [*study.notes, *notes(study, cells, claims), *saturated(study)]
     with replaced_folder(folder / "statistics") as out:
         for table in tables:
             table.save(out)
-        write_json(out / "tables.json", {"tables": [table.as_dict() for table in tables], "notes": notes})
+        content = {"overview": {**about, "rule": rule}, "tables": [table.as_dict() for table in tables], "notes": told}
+        write_json(out / "tables.json", content)
     return tables

@@ -11,7 +11,8 @@ import pandas as pd
 
 from analysis import bootstrap
 from analysis.cells import Cell, select
-from analysis.names import actor_name, algorithm_name, ordered_arms, task_name
+from analysis.claims_file import Claims
+from analysis.names import actor_name, algorithm_name, ordered, ordered_arms, task_name
 from analysis.references import normalised, references, scale
 from analysis.tables import Column, Table, pair, text
 from analysis.tests_of_claims import MINIMUM_SEEDS
@@ -24,9 +25,10 @@ METRICS = {
 }
 
 
-def tasks_of(cells: list[Cell], algo: str) -> list[str]:
-    """The tasks that aggregates of an algorithm are over: those with a reference and a finished run."""
-    return list(dict.fromkeys(cell.env for cell in select(cells, algo) if cell.n and scale(algo, cell.env)))
+def tasks_of(cells: list[Cell], algo: str, claims: Claims) -> list[str]:
+    """The tasks that aggregates of an algorithm are over: the claims' that have a reference and a finished run."""
+    finished = {cell.env for cell in select(cells, algo) if cell.n and scale(algo, cell.env)}
+    return ordered(finished & set(claims.tasks), claims.tasks)
 
 
 def scores_of(cells: list[Cell], algo: str, arm: str) -> dict[str, np.ndarray]:
@@ -35,24 +37,32 @@ def scores_of(cells: list[Cell], algo: str, arm: str) -> dict[str, np.ndarray]:
     return {cell.env: normalised(cell.final, algo, cell.env) for cell in found}
 
 
-def complete_arms(cells: list[Cell], algo: str) -> list[str]:
+def complete_arms(cells: list[Cell], algo: str, claims: Claims) -> list[str]:
     """Arms with finished runs on all the tasks of the algorithm: only those can be compared over tasks."""
-    tasks = tasks_of(cells, algo)
-    return [
-        arm
-        for arm in ordered_arms({cell.arm for cell in select(cells, algo)})
-        if tasks and set(scores_of(cells, algo, arm)) == set(tasks)
-    ]
+    tasks = set(tasks_of(cells, algo, claims))
+    arms = ordered_arms({cell.arm for cell in select(cells, algo)})
+    return [arm for arm in arms if tasks and tasks <= set(scores_of(cells, algo, arm))]
 
 
-def table(cells: list[Cell]) -> Table:
+def left_out(cells: list[Cell], algo: str, claims: Claims) -> str:
+    """A sentence for captions that names the arms without finished runs on some of the tasks; may be empty."""
+    tasks, complete = tasks_of(cells, algo, claims), complete_arms(cells, algo, claims)
+    lacking = {}
+    for arm in ordered_arms({cell.arm for cell in select(cells, algo)} - set(complete)):
+        scores = scores_of(cells, algo, arm)
+        lacking[arm] = ", ".join(task_name(env) for env in tasks if env not in scores)
+    shown = "; ".join(f"{actor_name(arm)} (no finished run on {envs})" for arm, envs in lacking.items() if envs)
+    return f" Left out: {shown}." if shown else ""
+
+
+def table(cells: list[Cell], claims: Claims) -> Table:
     """One row per algorithm and arm."""
     rows = []
     for algo in dict.fromkeys(cell.algo for cell in cells):
-        tasks = tasks_of(cells, algo)
+        tasks = tasks_of(cells, algo, claims)
         for arm in ordered_arms({cell.arm for cell in select(cells, algo)}):
             scores = scores_of(cells, algo, arm)
-            if not scores:
+            if not set(scores) & set(tasks):
                 continue
             values = [scores[env] for env in tasks if env in scores]
             lacking = [task_name(env) for env in tasks if env not in scores]
@@ -81,11 +91,13 @@ def table(cells: list[Cell]) -> Table:
     ]
     sources = references()["aan_reference"]
     caption = (
-        "Final performance, normalised: 0 is a uniformly random policy (measured by us, 100 episodes), 100 a "
-        "published artificial "
-        f"network (TD3: {sources['td3']['source']}. SAC: {sources['sac']['source']}). 95% intervals: stratified "
-        f"bootstrap over "
-        f"seeds, {bootstrap.REPETITIONS:,} resamples, from {MINIMUM_SEEDS} seeds on. IQM: the middle half of all runs."
+        "Final performance over the claims' tasks, normalised: 0 is a uniformly random policy (measured by us, 100 "
+        f"episodes), 100 a published artificial network after {references()['published']['steps']:,} steps (TD3: "
+        f"{sources['td3']['source']}: a maximum over training, which a final performance hardly reaches. SAC: "
+        f"{sources['sac']['source']}). Tasks weigh the same. 95% intervals: stratified bootstrap over seeds, "
+        f"{bootstrap.REPETITIONS:,} resamples, from {MINIMUM_SEEDS} seeds on. {bootstrap.FEW_SEEDS} IQM: the middle "
+        f"half "
+        f"of all runs. {bootstrap.NOTHING_TRIMMED}"
     )
     frame = pd.DataFrame(rows) if rows else pd.DataFrame(columns=[key for key, _, _ in columns])
     return Table(

@@ -70,6 +70,7 @@ def energy_table(study: Study) -> Table:
         ("synaptic_operations", "Synaptic operations", number()),
         ("lateral_operations", "Lateral operations", number()),
         ("encoder_accumulates", "Encoder ACs", number()),
+        ("bias_accumulates", "Bias ACs", number()),
         ("macs", "MACs", number()),
         ("nanojoule", "Energy (nJ)", number(1)),
         ("of_aan", "Energy / AAN", number(2)),
@@ -99,7 +100,8 @@ def health_table(study: Study) -> Table:
         *((measure, name[0].upper() + name[1:], number(3)) for measure, name in MEASURES.items()),
     ]
     caption = (
-        "Means over finished seeds and the last 10% of the steps; the last layer is the output population. Window "
+        "Means over the last 10% of the steps and the seeds that count and came so far; the last layer is the output "
+        "population. Window "
         "share: (neuron, step) "
         "pairs whose membrane lies where the surrogate gradient is not zero. Near 0, a layer no longer learns."
     )

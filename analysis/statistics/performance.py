@@ -6,12 +6,13 @@ import numpy as np
 import pandas as pd
 
 from analysis import metrics
-from analysis.bootstrap import interval, iqm, point
+from analysis.bootstrap import FEW_SEEDS, NOTHING_TRIMMED, interval, iqm, point
 from analysis.cells import Cell, select
-from analysis.names import ACTORS, actor_name, algorithm_name, ordered_arms, task_name
+from analysis.claims_file import Claims
+from analysis.names import ACTORS, actor_name, algorithm_name, ordered_arms, ordered_tasks, task_name
 from analysis.references import references
 from analysis.tables import Column, Table, number, pair, spread, text
-from analysis.tests_of_claims import MINIMUM_SEEDS
+from analysis.tests_of_claims import MINIMUM_SEEDS, t_interval
 
 _WHERE: list[Column] = [("algorithm", "Algorithm", text), ("task", "Task", text), ("actor", "Actor", text)]
 FINAL = (
@@ -39,25 +40,33 @@ def _names(cell: Cell) -> dict[str, object]:
     }
 
 
-def main_table(cells: list[Cell]) -> Table:
-    """The one table a reader wants: tasks by actors, mean ± std (n)."""
-    arms = ordered_arms({cell.arm for cell in cells if cell.paper} or {cell.arm for cell in cells})
+def main_table(cells: list[Cell], claims: Claims) -> Table:
+    """The one table a reader wants: the claims' tasks, and others, by the paper's actors: mean ± std (n)."""
+    arms = list(ACTORS) if cells else []
     rows = []
-    for algo, env in dict.fromkeys((cell.algo, cell.env) for cell in cells):
-        row = {"algorithm": algorithm_name(algo), "task": task_name(env)}
-        for arm in arms:
-            found = select(cells, algo, env, arm)
-            row[arm] = spread(_mean(found[0].final), _std(found[0].final), found[0].n) if found else "missing"
-            if found and not found[0].n:
-                row[arm] = f"none finished ({found[0].unfinished} unfinished)"
-        rows.append(row)
+    for algo in dict.fromkeys(cell.algo for cell in cells):
+        present = {cell.env for cell in select(cells, algo)}
+        for env in ordered_tasks(present):
+            found = {cell.arm: cell for cell in select(cells, algo, env)}
+            shown = {arm: _shown(found[arm]) if arm in found else "missing" for arm in arms}
+            rows.append({"algorithm": algorithm_name(algo), "task": task_name(env), **shown})
+        if absent := [task_name(env) for env in claims.tasks if env not in present]:
+            names = {"algorithm": algorithm_name(algo), "task": ", ".join(absent)}
+            rows.append(names | dict.fromkeys(arms, "missing"))
     columns: list[Column] = [*_WHERE[:2], *((arm, actor_name(arm), str) for arm in arms)]
     frame = pd.DataFrame(rows, columns=["algorithm", "task", *arms])
+    variants = ordered_arms({cell.arm for cell in cells} - set(arms))
+    others = f" Not here, but in “Final performance in full”: {', '.join(variants)}." if variants else ""
     caption = (
-        f"{FINAL} n counts finished runs and diverged ones, whose last value is carried forward. Variants stand in "
-        f"the table below."
+        f"{FINAL} n counts finished runs and diverged ones, whose last value is carried forward. A cell without any "
+        f"says "
+        f"how far its runs are; missing: no run.{others}"
     )
     return Table("main", "main", "Final performance", caption, frame, columns, "No runs yet.")
+
+
+def _shown(cell: Cell) -> str:
+    return spread(_mean(cell.final), _std(cell.final), cell.n) if cell.n else cell.waiting
 
 
 def final_table(cells: list[Cell]) -> Table:
@@ -67,6 +76,7 @@ def final_table(cells: list[Cell]) -> Table:
         enough = cell.n >= MINIMUM_SEEDS
         low, high = interval([cell.final], iqm) if enough else (np.nan, np.nan)
         centre = point([cell.final], iqm) if cell.n else np.nan
+        mean_low, mean_high = t_interval(cell.final)
         without = cell.without_diverged()
         diverged = int(cell.diverged.sum())
         rows.append(
@@ -74,6 +84,9 @@ def final_table(cells: list[Cell]) -> Table:
                 **_names(cell),
                 "n": cell.n,
                 "mean": _mean(cell.final),
+                "mean_low": mean_low,
+                "mean_high": mean_high,
+                "mean_shown": pair(_mean(cell.final), mean_low, mean_high),
                 "std": _std(cell.final),
                 "iqm": centre,
                 "iqm_low": low,
@@ -92,14 +105,16 @@ def final_table(cells: list[Cell]) -> Table:
         *_WHERE,
         ("total_steps", "Steps", number()),
         ("shown", "Mean ± std", str),
+        ("mean_shown", "Mean [95% t]", str),
         ("iqm_shown", "IQM [95% bootstrap]", str),
         ("diverged", "Diverged", number()),
         ("without", "Without diverged", str),
         ("unfinished", "Unfinished", number()),
     ]
     caption = (
-        f"{FINAL} IQM over seeds with its bootstrap interval, from {MINIMUM_SEEDS} seeds on. Unfinished runs stand "
-        f"in curves only."
+        f"{FINAL} Mean [95%]: Student's t. IQM over seeds with its bootstrap interval. Both from {MINIMUM_SEEDS} "
+        f"seeds on. "
+        f"{FEW_SEEDS} {NOTHING_TRIMMED} Unfinished runs stand in curves only."
     )
     keys = [key for key, _, _ in columns]
     frame = pd.DataFrame(rows) if rows else pd.DataFrame(columns=keys)

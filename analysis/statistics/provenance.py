@@ -1,19 +1,12 @@
-"""Where the numbers come from: versions, commits, processors, hashes, which runs are missing, and what a reader must
-know.
-"""
+"""Where the numbers come from: versions, commits, processors, hashes, and which runs are missing."""
 
 from __future__ import annotations
 
 import json
 
-import numpy as np
 import pandas as pd
 
-from analysis.cells import Cell
-from analysis.claims import unequal_settings
-from analysis.claims_file import Claims
 from analysis.names import actor_name, algorithm_name, task_name
-from analysis.references import scale
 from analysis.study import Study
 from analysis.tables import Column, Table, number, text
 
@@ -46,7 +39,8 @@ def status_table(study: Study) -> Table:
                 }
                 states = mine[mine["counts_as"] == "unfinished"]
                 reached = "; ".join(
-                    f"{r.seed}: {r.status}, {int(r.step or 0):,} of {r.horizon:,}" for r in states.itertuples()
+                    f"{r.seed}: {r.status}, {0 if pd.isna(r.step) else int(r.step):,} of {r.total_steps:,}"
+                    for r in states.itertuples()
                 )
                 rows.append(
                     {
@@ -140,50 +134,3 @@ def cells_table(study: Study) -> Table:
     )
     frame = pd.DataFrame(rows, columns=[key for key, _, _ in columns])
     return Table("cells", "provenance", "Configurations", caption, frame, columns, folded=True)
-
-
-def notes(study: Study, cells: list[Cell], claims: Claims) -> list[str]:
-    """Sentences that a reader needs in order not to be misled."""
-    found = []
-    for algo, env in dict.fromkeys((cell.algo, cell.env) for cell in cells):
-        here = [cell for cell in cells if (cell.algo, cell.env) == (algo, env)]
-        name = f"{algorithm_name(algo)}, {task_name(env)}"
-        paper = tuple(cell.arm for cell in here if cell.paper)
-        found += [
-            f"{name}: settings differ between actors: {phrase}."
-            for phrase in (unequal_settings(study, algo, env, paper) if paper else [])
-        ]
-        counts = {cell.n for cell in here if cell.n}
-        if len(counts) > 1:
-            shown = ", ".join(f"{actor_name(cell.arm)} {cell.n}" for cell in here if cell.n)
-            found.append(f"{name}: unequal numbers of seeds: {shown}.")
-        for cell in here:
-            if np.isnan(cell.returns).any():
-                found.append(
-                    f"{name}, {actor_name(cell.arm)}: the seeds were not all evaluated at the same steps; curves "
-                    f"show n by step, and the maximum "
-                    "of the mean takes the shared steps only."
-                )
-        if env not in claims.tasks:
-            found.append(f"{name}: no claim is about this task; it is drawn and tabulated only.")
-        if scale(algo, env) is None:
-            found.append(f"{name}: no reference score, so it has no part in what is computed over tasks.")
-    rates = {cell.algo for cell in cells if cell.arm == "aan"} & {
-        cell.algo for cell in cells if cell.arm != "aan" and cell.paper
-    }
-    for algo in sorted(rates):
-        learning = {
-            cell.arm: study.configurations[f"{cell.algo}/{cell.env}/{cell.arm}"]["algo"].get("actor_learning_rate")
-            for cell in cells
-            if cell.algo == algo and cell.paper
-        }
-        if len(set(learning.values())) > 1:
-            shown = ", ".join(f"{actor_name(arm)} {rate:g}" for arm, rate in learning.items() if rate is not None)
-            found.append(
-                f"{algorithm_name(algo)}: actor learning rates differ ({shown}), as in the published comparison; it "
-                f"is a confound."
-            )
-    variants = sorted({actor_name(cell.arm) for cell in cells if not cell.paper})
-    if variants:
-        found.append(f"Variants, which enter no claim of the paper: {', '.join(variants)}.")
-    return found

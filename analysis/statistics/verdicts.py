@@ -2,32 +2,41 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import partial
+
 import pandas as pd
 
+from analysis.bootstrap import FEW_SEEDS
 from analysis.claims import Overall, Row
 from analysis.claims_file import Claims
+from analysis.improvement import SEPARATED
 from analysis.names import actor_name, algorithm_name, task_name
 from analysis.tables import Column, Table, number, p_value, pair, text
+from analysis.tests_of_claims import detectable_effect
+from analysis.untested import summary
 
 
-def overall_table(results: list[Overall]) -> Table:
-    """One row per algorithm and claim: the verdict "on every task"."""
+def overall_table(results: list[Overall], rows: list[Row], title: str) -> Table:
+    """One row per claim and algorithm: the verdict "on every task". Where nothing could be tested, one sentence."""
     frame = pd.DataFrame(
         [
             {
-                "algo": algorithm_name(r.algo),
+                "algo": " and ".join(algorithm_name(algo) for algo in r.algo.split(" and ")),
                 "claim": r.claim.text,
+                "source": r.claim.source,
                 "verdict": r.verdict,
                 "why": r.why,
                 "name": r.claim.name,
             }
             for r in results
         ],
-        columns=["algo", "claim", "verdict", "why", "name"],
+        columns=["algo", "claim", "source", "verdict", "why", "name"],
     )
     columns: list[Column] = [
         ("algo", "Algorithm", text),
         ("claim", "Claim, on every task", text),
+        *_source(results),
         ("verdict", "Verdict", text),
         ("why", "Why", text),
     ]
@@ -35,42 +44,86 @@ def overall_table(results: list[Overall]) -> Table:
         "Supported: every task of the claim supports it. Contradicted: a task contradicts it. Else undecided. "
         "“Undecided” says that these runs do not tell, not that the actors are equal."
     )
-    return Table(
-        "verdicts", "verdicts", "Verdicts on the paper's claims", caption, frame, columns, "No runs, so no verdicts."
-    )
+    instead = ""
+    if rows and all(row.reason for row in rows):
+        claims = len({row.claim.name for row in rows})
+        instead = f"None of the {claims} claims can be tested with these runs. {_reasons(rows)}"
+    empty = "No runs, so no verdicts."
+    return Table("verdicts", "verdicts", title, caption, frame, columns, empty, instead=instead)
+
+
+def _source(items: Sequence[Overall | Row]) -> list[Column]:
+    """A column that tells a user's claims from the paper's, where there are any."""
+    return [("source", "Source", text)] if any(item.claim.source == "user" for item in items) else []
+
+
+def _reasons(rows: Sequence[Row]) -> str:
+    """Why rows could not be tested, by algorithm."""
+    algos = dict.fromkeys(row.algo for row in rows)
+    return " ".join(f"{algorithm_name(a)}: {summary(row for row in rows if row.algo == a)}." for a in algos)
+
+
+def rule(rows: list[Row], claims: Claims) -> list[str]:
+    """The verdict rule and its power, with this file's alpha and power and this study's number of tests."""
+    tests = max([sum(not row.reason for row in rows if row.algo == algo) for algo in {r.algo for r in rows}], default=0)
+    few = claims.minimum_seeds
+    effects = []
+    for n in dict.fromkeys((10, few)):
+        single = detectable_effect(n, claims.alpha, claims.power)
+        corrected = detectable_effect(n, claims.alpha / tests, claims.power) if tests > 1 else None
+        holm = f" ({corrected:.1f} at the first step of Holm's correction over {tests} tests)" if corrected else ""
+        effects.append(f"{n} against {n} seeds: {single:.1f} standard deviations{holm}")
+    return [
+        "Seeds are the unit. Final performance is compared by Welch's test, two-sided; Holm's correction runs over all "
+        f"claim × task rows of one algorithm. Supported: adjusted p below {claims.alpha:g} in the claimed direction. "
+        f"Contradicted: the same in the other direction. Else undecided, and with fewer than {few} seeds in an arm "
+        "undecided without an interval. “On every task” needs every task of the claim. “No difference detected” is not "
+        "“equal”. Variants (labels with changed keys) never enter a claim about the paper's actors.",
+        f"The true difference that a single test detects with {claims.power:.0%} power at alpha {claims.alpha:g}: "
+        f"{'; '.join(effects)}.",
+    ]
 
 
 def claims_table(rows: list[Row], claims: Claims) -> Table:
-    """One row per algorithm, claim and task."""
+    """One row per algorithm, claim and task; printed are those that could be tested."""
     frame = pd.DataFrame([_record(row) for row in rows], columns=list(_record_columns()))
+    tested = [not row.reason for row in rows]
     columns: list[Column] = [
         ("algorithm", "Algorithm", text),
         ("text", "Claim", text),
+        *_source(rows),
         ("task", "Task", text),
         ("verdict", "Verdict", text),
         ("shown", "Difference [95%]", str),
-        ("p", "p", p_value),
-        ("adjusted_p", "p (Holm)", p_value),
+        ("p", "p", partial(p_value, alpha=claims.alpha)),
+        ("adjusted_p", "p (Holm)", partial(p_value, alpha=claims.alpha)),
         ("effect", "Hedges' g", number(2)),
         ("improvement_shown", "P(improvement) [95%]", str),
         ("n", "n", str),
-        ("seeds", "Seeds per arm for 80% power", str),
+        ("seeds", f"Seeds per arm for {claims.power:.0%} power", str),
         ("why", "Remark", text),
     ]
-    caption = (
-        f"Welch's test on final performance, two-sided; Holm's correction over all claim x task rows of one "
-        f"algorithm that could be "
-        f"tested; alpha {claims.alpha}. Intervals and Hedges' g are not adjusted for the number of tests. Synergy is "
-        f"the interaction "
-        "(both − dendrites alone) − (lateral alone − neither), a contrast of four means with Welch–Satterthwaite "
-        "degrees of "
-        "freedom; P(improvement) is not defined for it. Seeds per arm at the observed effect: unadjusted / at Holm's "
-        "first step "
-        "(alpha over the number of tests). Diverged runs count with their last value; where there are any, the "
-        "remark gives the "
-        "verdict without them."
+    untested = [row for row in rows if row.reason]
+    hidden = (
+        f" {len(untested)} rows that cannot be tested stand in the CSV only. {_reasons(untested)}" if untested else ""
     )
-    return Table("claims", "statistics", "Every claim on every task", caption, frame, columns, "No runs, so no tests.")
+    caption = (
+        "Welch's test on final performance, two-sided; Holm's correction over all claim x task rows of one algorithm "
+        f"that could be tested; alpha {claims.alpha:g}. Intervals and Hedges' g are not adjusted for the number of "
+        f"tests. "
+        "Synergy is the interaction (both − dendrites alone) − (lateral alone − neither), a contrast of four means "
+        "with "
+        "Welch–Satterthwaite degrees of freedom; P(improvement) is not defined for it; elsewhere its interval is a "
+        "bootstrap's. "
+        f"{FEW_SEEDS} {SEPARATED} Seeds per arm at the observed effect: unadjusted / at Holm's first step (alpha "
+        f"over the "
+        "number of tests). Diverged runs count with their last value; where there are any, the remark gives the "
+        "verdict "
+        f"without them.{hidden}"
+    )
+    empty = f"None of these {len(rows)} rows can be tested. {_reasons(rows)}" if rows else "No runs, so no tests."
+    title = "Every claim on every task"
+    return Table("claims", "statistics", title, caption, frame, columns, empty, display=frame[tested] if rows else None)
 
 
 def _record_columns() -> tuple[str, ...]:
@@ -95,8 +148,10 @@ def _record_columns() -> tuple[str, ...]:
         "seeds_adjusted",
         "verdict_without_diverged",
         "why",
+        "reason",
         "algorithm",
         "text",
+        "source",
         "task",
         "shown",
         "improvement_shown",
@@ -134,8 +189,10 @@ def _record(row: Row) -> dict[str, object]:
         "seeds_adjusted": row.seeds_adjusted,
         "verdict_without_diverged": row.without_diverged,
         "why": why,
+        "reason": row.reason,
         "algorithm": algorithm_name(row.algo),
         "text": row.claim.text,
+        "source": row.claim.source,
         "task": task_name(row.env),
         "shown": pair(contrast.estimate, contrast.low, contrast.high),
         "improvement_shown": pair(better, low, high, 2),

@@ -8,7 +8,7 @@ from rliable import library
 from rliable import metrics as rliable_metrics
 
 from analysis import bootstrap
-from analysis.improvement import probability_of_improvement
+from analysis.improvement import improvement_with_interval, probability_of_improvement
 
 GENERATOR = np.random.default_rng(1)
 SCORES = GENERATOR.normal([50, 60, 70, 80], [10, 5, 20, 10], size=(10, 4))
@@ -112,3 +112,24 @@ def test_intervals_are_ordered_and_inside_the_data(tasks):
 def test_improvement_and_its_converse_add_to_one(x, y):
     a, b = [np.array(x)], [np.array(y)]
     assert probability_of_improvement(a, b) + probability_of_improvement(b, a) == pytest.approx(1)
+
+
+def test_tasks_weigh_the_same_whatever_their_number_of_seeds():
+    # a task of 2 constant runs and one of 30: half of the weight is 0, half is 100
+    unequal = [np.zeros(2), np.full(30, 100.0)]
+    assert bootstrap.point(unequal, bootstrap.iqm) == pytest.approx(50)
+    assert bootstrap.point(unequal, bootstrap.optimality_gap) == pytest.approx(50)
+    # copying every run of one task must move nothing: 8 and 16 runs are both cut by a quarter at each end
+    few, many = [TASKS[0][:8], TASKS[1][:8]], [TASKS[0][:8], np.repeat(TASKS[1][:8], 2)]
+    assert bootstrap.point(many, bootstrap.iqm) == pytest.approx(bootstrap.point(few, bootstrap.iqm))
+    assert bootstrap.point(many, bootstrap.optimality_gap) == pytest.approx(
+        bootstrap.point(few, bootstrap.optimality_gap)
+    )
+
+
+def test_no_interval_of_improvement_at_complete_separation():
+    a, b = np.array([3.0, 4.0, 5.0]), np.array([0.0, 1.0, 2.0])
+    assert improvement_with_interval([a], [b], 3) == pytest.approx((1.0, np.nan, np.nan), nan_ok=True)
+    value, low, high = improvement_with_interval([a, a], [b, np.array([0.0, 1.0, 4.5])], 3)
+    assert low < value < high
+    assert np.isnan(improvement_with_interval([a[:2]], [np.array([0.0, 3.5])], 3)[1])

@@ -167,3 +167,48 @@ def test_a_wrong_claims_file_gives_a_sentence(tmp_path, content, sentence):
 
 def test_levels_cover_the_papers_tasks():
     assert set(CLAIMS.tasks) == set(LEVELS)
+
+
+def test_nothing_is_told_of_a_pair_that_was_trained_under_different_settings(tmp_path):
+    from analysis.figures.probability_of_improvement import draw
+
+    write_grid(tmp_path / "s", actors=("popsan", "aan"), seeds=4)
+    for seed in range(4):
+        write_run(tmp_path / "s", seed=seed, level=9000, changes={"normalize_observations": False})
+    study = read_study(tmp_path / "s")
+    rows = decide(study, cells_of(study), CLAIMS)
+    row = by(rows, "bptsan_over_popsan")
+    assert np.isnan([row.contrast.estimate, row.effect, *row.improvement]).all() and row.reason == "settings"
+    (drawing,) = draw(study, cells_of(study), "td3", CLAIMS)
+    assert drawing.figure is None and "BPT-SAN > AAN on Hopper-v4 (normalize_observations" in drawing.missing
+
+
+def test_both_algorithms_are_summed_up_in_one_row(tmp_path):
+    write_grid(tmp_path / "s", {"bptsan": 800.0}, envs=tuple(SIZES), actors=("popsan", "bptsan"), seeds=4, noise=30)
+    write_grid(tmp_path / "s", algos=("sac",), actors=("popsan", "bptsan"), seeds=4, noise=30)
+    _, results = verdicts(tmp_path / "s")
+    found = [(r.algo, r.verdict) for r in results if r.claim.name == "bptsan_over_popsan"]
+    assert found == [("td3 and sac", "undecided"), ("td3", "supported"), ("sac", "undecided")]
+
+
+def test_a_task_outside_the_claims_makes_no_arm_incomplete(tmp_path):
+    from analysis.statistics.aggregates import complete_arms, left_out, tasks_of
+
+    write_grid(tmp_path / "s", actors=("aan", "popsan", "bptsan"), seeds=3)
+    write_grid(tmp_path / "s", envs=("walker2d",), actors=("aan", "popsan"), seeds=3)
+    study = read_study(tmp_path / "s")
+    cells = cells_of(study)
+    assert tasks_of(cells, "td3", CLAIMS) == ["hopper", "walker2d"]
+    assert complete_arms(cells, "td3", CLAIMS) == ["aan", "popsan"]
+    assert left_out(cells, "td3", CLAIMS) == " Left out: BPT-SAN (no finished run on Walker2d-v4)."
+    from dataclasses import replace
+
+    only = replace(CLAIMS, tasks=("hopper",))
+    assert complete_arms(cells, "td3", only) == ["aan", "popsan", "bptsan"] and left_out(cells, "td3", only) == ""
+
+
+@pytest.mark.parametrize("minimum", ["2", "yes", "3.5"])
+def test_fewer_than_three_seeds_cannot_be_asked_for(tmp_path, minimum):
+    (tmp_path / "c.yaml").write_text(f"alpha: 0.05\npower: 0.8\nminimum_seeds: {minimum}\ntasks: [a]\nclaims: []\n")
+    with pytest.raises(InputError, match="at least 3"):
+        read_claims(tmp_path / "c.yaml")

@@ -18,7 +18,8 @@ def test_lateral_connections_by_hand():
 def test_mlp_by_hand():
     cost = mlp_cost([11, 256, 256, 3])
     assert cost.macs == 11 * 256 + 256 * 256 + 256 * 3 == cost.connections
-    assert cost.nanojoule == pytest.approx(cost.macs * MAC_PICOJOULE / 1000)
+    assert cost.bias_accumulates == 256 + 256 + 3
+    assert cost.nanojoule == pytest.approx((cost.macs * MAC_PICOJOULE + 515 * ACCUMULATE_PICOJOULE) / 1000)
 
 
 def test_spiking_actor_by_hand():
@@ -31,13 +32,21 @@ def test_spiking_actor_by_hand():
     assert cost.lateral_operations == pytest.approx(
         4 * neighbours * (0.5 + 0.25)
     )  # T - 1 steps have a step before them
-    assert cost.macs == 2 * 10 + 10
+    assert cost.macs == 2 * 10 + 10 + 2 * 5 * (4 + 4 + 10)  # encoder, decoder, two decays of 18 neurons at 5 steps
+    assert cost.bias_accumulates == 5 * (4 + 4 + 10) + 1
     assert cost.encoder_accumulates == 0  # poisson
     assert cost.connections == 40 + 16 + 40 and cost.lateral_connections == 20
-    picojoule = (cost.synaptic_operations + cost.lateral_operations) * ACCUMULATE_PICOJOULE + cost.macs * MAC_PICOJOULE
-    assert cost.nanojoule == pytest.approx(picojoule / 1000)
+    accumulates = cost.synaptic_operations + cost.lateral_operations + cost.bias_accumulates
+    assert cost.nanojoule == pytest.approx((accumulates * ACCUMULATE_PICOJOULE + cost.macs * MAC_PICOJOULE) / 1000)
     config["encoder"]["coding"] = "deterministic"
     assert cost_of(config, 1, 1, [0.2, 0.5, 0.25, 0.9]).encoder_accumulates == 50
+
+
+def test_a_bias_on_every_branch_is_added_on_every_branch():
+    config = configuration("td3", "hopper", "bptsan")
+    config["actor"]["dendritic"]["bias"] = "branch"
+    cost = cost_of(config, 11, 3, [0.2, 0.3, 0.3, 0.3])
+    assert cost.bias_accumulates == 5 * (2 * 512 + 30) + 3
 
 
 def test_dendrites_count_each_synapse_once_and_lateral_weights_are_the_only_difference():

@@ -7,7 +7,15 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from statsmodels.stats.power import TTestIndPower
 
-from analysis.tests_of_claims import holm, power, seeds_for_power, verdict, welch_contrast
+from analysis.tests_of_claims import (
+    detectable_effect,
+    holm,
+    power,
+    seeds_for_power,
+    t_interval,
+    verdict,
+    welch_contrast,
+)
 
 GENERATOR = np.random.default_rng(0)
 samples = st.lists(st.floats(-1e3, 1e3), min_size=3, max_size=8).map(np.array)
@@ -103,3 +111,15 @@ def test_seeds_for_power_is_the_smallest_that_suffices():
 )
 def test_the_verdict_rule(p, estimate, expected):
     assert verdict(p, estimate) == expected
+
+
+def test_t_interval_as_scipy_has_it():
+    values = GENERATOR.normal(5, 2, 7)
+    theirs = scipy.stats.ttest_1samp(values, 0).confidence_interval(0.95)
+    assert t_interval(values) == pytest.approx((theirs.low, theirs.high))
+    assert np.isnan(t_interval(values[:2])).all()
+
+
+@pytest.mark.parametrize(("n", "alpha", "effect"), [(10, 0.05, 1.3), (10, 0.05 / 8, 1.8), (3, 0.05, 3.1)])
+def test_detectable_effects_are_methods_own(n, alpha, effect):
+    assert detectable_effect(n, alpha, 0.8) == pytest.approx(effect, abs=0.06)

@@ -1,0 +1,91 @@
+"""What a reader must know in order not to be misled, as sentences."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from analysis.cells import Cell
+from analysis.claims_file import Claims
+from analysis.names import actor_name, algorithm_name, task_name
+from analysis.references import scale
+from analysis.settings import unequal_settings
+from analysis.study import Study
+
+MOST = 5
+
+
+def notes(study: Study, cells: list[Cell], claims: Claims) -> list[str]:
+    """About runs that did not finish, then about tasks, learning rates, variants."""
+    found = [note for cell in cells for note in _not_finished(study, cell)]
+    for algo, env in dict.fromkeys((cell.algo, cell.env) for cell in cells):
+        found += _of_task(study, [cell for cell in cells if (cell.algo, cell.env) == (algo, env)], claims)
+    for algo in dict.fromkeys(cell.algo for cell in cells):
+        found += _learning_rates(study, [cell for cell in cells if cell.algo == algo and cell.paper], algo)
+    variants = sorted({actor_name(cell.arm) for cell in cells if not cell.paper})
+    if variants:
+        found.append(f"Variants, which enter no claim of the paper: {', '.join(variants)}.")
+    return found
+
+
+def _not_finished(study: Study, cell: Cell) -> list[str]:
+    """A sentence each for a cell's failed, unfinished and diverged runs: how far they are, and why they stopped."""
+    runs = study.runs
+    runs = runs[(runs["algo"] == cell.algo) & (runs["env"] == cell.env) & (runs["arm"] == cell.arm)].sort_values("seed")
+    failed = runs[runs["status"] == "failed"]
+    waiting = runs[(runs["counts_as"] == "unfinished") & (runs["status"] != "failed")]
+    groups = (
+        ("failed", failed, lambda r: f"at {_reached(r)}: {r.failure if isinstance(r.failure, str) else 'no message'}"),
+        ("unfinished", waiting, lambda r: f"{r.status}, {_reached(r)}"),
+        (
+            "diverged",
+            runs[runs["counts_as"] == "diverged"],
+            lambda r: f"at {_reached(r)}, its last value carried forward",
+        ),
+    )
+    where, found = f"{algorithm_name(cell.algo)}, {task_name(cell.env)}, {actor_name(cell.arm)}", []
+    for word, group, told in groups:
+        if len(group):
+            each = [f"seed {r.seed} {told(r)}" for r in group.head(MOST).itertuples()]
+            more = [f"and {len(group) - MOST} more"] if len(group) > MOST else []
+            found.append(f"{where}: {len(group)} of {len(runs)} runs {word} ({'; '.join(each + more)}).")
+    return found
+
+
+def _reached(run: object) -> str:
+    step = getattr(run, "step", None)
+    return f"{0 if pd.isna(step) else int(step):,} of {int(run.total_steps):,} steps"  # type: ignore[attr-defined]
+
+
+def _of_task(study: Study, here: list[Cell], claims: Claims) -> list[str]:
+    algo, env = here[0].algo, here[0].env
+    name, paper = f"{algorithm_name(algo)}, {task_name(env)}", tuple(cell.arm for cell in here if cell.paper)
+    phrases = unequal_settings(study, algo, env, paper) if paper else []
+    found = [f"{name}: settings differ between actors: {phrase}." for phrase in phrases]
+    counts = {cell.n for cell in here if cell.n}
+    if len(counts) > 1:
+        shown = ", ".join(f"{actor_name(cell.arm)} {cell.n}" for cell in here if cell.n)
+        found.append(f"{name}: unequal numbers of seeds: {shown}.")
+    for cell in here:
+        if np.isnan(cell.returns).any():
+            found.append(
+                f"{name}, {actor_name(cell.arm)}: the seeds were not all evaluated at the same steps; curves show n by "
+                "step, and the maximum of the mean takes the shared steps only."
+            )
+    if env not in claims.tasks:
+        found.append(f"{name}: no claim is about this task; it is drawn and tabulated only.")
+    if scale(algo, env) is None:
+        found.append(f"{name}: no reference score, so it has no part in what is computed over tasks.")
+    return found
+
+
+def _learning_rates(study: Study, paper: list[Cell], algo: str) -> list[str]:
+    """The published comparison's confound, where both sides of it are in the study."""
+    rates = {c.arm: study.configurations[f"{c.algo}/{c.env}/{c.arm}"]["algo"].get("actor_learning_rate") for c in paper}
+    if "aan" not in rates or len(set(rates.values())) < 2:
+        return []
+    shown = ", ".join(f"{actor_name(arm)} {rate:g}" for arm, rate in rates.items() if rate is not None)
+    return [
+        f"{algorithm_name(algo)}: actor learning rates differ ({shown}), as in the published comparison; it is a "
+        f"confound."
+    ]

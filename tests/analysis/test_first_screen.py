@@ -1,0 +1,128 @@
+"""If these fail, a reader takes a short or half-finished study for a test of the paper's claims."""
+
+import json
+
+from analysis.__main__ import main
+from analysis.overview import overview, protocol
+from analysis.study import read_study
+from tests.analysis.synthetic import configuration, write_grid, write_run
+
+
+def statistics(folder):
+    for stage in ("collect", "statistics"):
+        assert main([stage, str(folder)]) == 0
+    content = json.loads((folder / "statistics/tables.json").read_text())
+    return content, {table["name"]: table for table in content["tables"]}
+
+
+def test_a_short_study_says_that_it_is_none_of_a_million_steps(tmp_path):
+    write_grid(tmp_path / "s", actors=("aan", "bptsan"), seeds=3)
+    write_run(tmp_path / "s", seed=3, status="running", stop=40_000)
+    about = overview(read_study(tmp_path / "s"))
+    assert about["title"] == "Verdicts at 100,000 steps"
+    assert "Runs of 100,000 steps say nothing about them" in about["caution"]
+    assert (
+        "100,000 steps a run (the paper: 1,000,000); 3 to 4 seeds per cell started (the paper: 10)" in about["status"]
+    )
+    assert "6 of 7 runs finished, 1 unfinished, the furthest at step 40,000" in about["status"]
+
+
+def test_a_whole_study_is_about_the_papers_claims(tmp_path):
+    write_run(tmp_path / "s", total_steps=1_000_000, interval=10_000, changes={"protocol.evaluation_episodes": 10})
+    about = overview(read_study(tmp_path / "s"))
+    assert about["title"] == "Verdicts on the paper's claims" and about["caution"] == ""
+
+
+def test_settings_that_differ_from_the_papers_are_named_once(tmp_path):
+    for env in ("hopper", "ant"):
+        write_run(tmp_path / "s", env=env, changes={"normalize_observations": False})
+        write_run(tmp_path / "s", env=env, actor="popsan", changes={"normalize_observations": False})
+    write_run(tmp_path / "s", env="walker2d", changes={"env.max_episode_steps": 200, "normalize_observations": False})
+    settings = overview(read_study(tmp_path / "s"))["settings"]
+    assert settings.count("normalize_observations") == 1
+    assert "normalize_observations false (the paper: true);" in settings
+    assert "env.max_episode_steps 200 (the paper: 1,000) on Walker2d-v4" in settings
+    assert "start_steps" not in settings
+
+
+def test_the_protocol_file_is_what_conf_has():
+    import yaml
+
+    from analysis.flatten import flatten
+    from tests.analysis.synthetic import CONF
+
+    paper = {f"protocol.{k}": v for k, v in yaml.safe_load((CONF / "protocol/paper.yaml").read_text()).items()}
+    assert protocol()["steps"] == paper["protocol.total_steps"]
+    for algo in ("td3", "sac"):
+        flat = flatten(configuration(algo, "hopper", "bptsan")) | paper
+        expected = protocol()["settings"] | protocol()["of_algorithm"][algo]
+        assert {key: flat[key] for key in expected} == expected
+
+
+def test_where_nothing_can_be_tested_one_sentence_names_the_reasons(tmp_path):
+    write_run(tmp_path / "s", env="halfcheetah", status="running", stop=40_000)
+    for seed in range(2):
+        write_run(tmp_path / "s", actor="aan", seed=seed)
+        write_run(tmp_path / "s", seed=seed)
+    _, tables = statistics(tmp_path / "s")
+    for name in ("verdicts", "claims"):
+        assert tables[name]["rows"] == []
+        assert tables[name]["empty"].count("no runs on Walker2d-v4, Ant-v4 (N=111)") == 1
+        assert "too few finished seeds of AAN, BPT-SAN on Hopper-v4" in tables[name]["empty"]
+    assert "None of the 5 claims can be tested" in tables["verdicts"]["empty"]
+    assert len((tmp_path / "s/statistics/claims.csv").read_text().splitlines()) == 21  # the CSV keeps them
+
+
+def test_rows_that_cannot_be_tested_are_folded_into_a_sentence(tmp_path):
+    write_grid(tmp_path / "s", {"bptsan": 500.0}, actors=("popsan", "bptsan"), seeds=3)
+    _, tables = statistics(tmp_path / "s")
+    assert len(tables["claims"]["rows"]) == 1 and len(tables["verdicts"]["rows"]) == 5
+    assert "19 rows that cannot be tested stand in the CSV only" in tables["claims"]["caption"]
+    assert "no runs on Walker2d-v4, HalfCheetah-v4, Ant-v4" in tables["claims"]["caption"]
+
+
+def test_the_main_table_has_the_five_actors_and_the_claims_tasks(tmp_path):
+    write_run(tmp_path / "s", status="running", stop=40_000, manifest={"step": 43_500})
+    _, tables = statistics(tmp_path / "s")
+    main_ = tables["main"]
+    assert len(main_["headers"]) == 2 + 5
+    assert main_["rows"] == [
+        ["TD3", "Hopper-v4", *["missing"] * 4, "running, 43,500 of 100,000"],
+        ["TD3", "Walker2d-v4, HalfCheetah-v4, Ant-v4 (N=111)", *["missing"] * 5],
+    ]
+
+
+def test_unfinished_failed_and_diverged_runs_are_noted_by_cell(tmp_path):
+    write_run(tmp_path / "s")
+    write_run(tmp_path / "s", seed=1, status="interrupted", stop=30_000)
+    failure = {"kind": "ValueError", "message": "no such\nthing", "step": 20_000}
+    write_run(tmp_path / "s", seed=2, status="failed", stop=20_000, manifest={"failure": failure})
+    write_run(tmp_path / "s", seed=3, status="diverged", stop=50_000)
+    content, _ = statistics(tmp_path / "s")
+    notes = "\n".join(content["notes"])
+    where = "TD3, Hopper-v4, BPT-SAN: 1 of 4 runs"
+    assert f"{where} failed (seed 2 at 20,000 of 100,000 steps: ValueError: no such thing)." in notes
+    assert f"{where} unfinished (seed 1 interrupted, 30,000 of 100,000 steps)." in notes
+    assert f"{where} diverged (seed 3 at 50,000 of 100,000 steps, its last value carried forward)." in notes
+
+
+def test_the_rule_is_computed_from_the_claims_file(tmp_path):
+    write_grid(tmp_path / "s", actors=("aan", "popsan", "bptsan"), seeds=4)
+    (tmp_path / "claims.yaml").write_text(
+        "alpha: 0.01\npower: 0.9\nminimum_seeds: 4\ntasks: [hopper]\nclaims:\n"
+        "  - {name: a, kind: difference, source: paper, text: A, better: bptsan, worse: aan}\n"
+        "  - {name: b, kind: difference, source: user, text: B, better: bptsan, worse: popsan}\n"
+    )
+    assert main(["report", str(tmp_path / "s"), "--claims", str(tmp_path / "claims.yaml")]) == 0
+    content = json.loads((tmp_path / "s/statistics/tables.json").read_text())
+    rule = " ".join(content["overview"]["rule"])
+    assert "adjusted p below 0.01" in rule and "fewer than 4 seeds" in rule and "90% power at alpha 0.01" in rule
+    assert "correction over 2 tests" in rule and "4 against 4 seeds" in rule
+    tables = {table["name"]: table for table in content["tables"]}
+    assert "Seeds per arm for 90% power" in tables["claims"]["headers"]
+    assert [row[tables["verdicts"]["headers"].index("Source")] for row in tables["verdicts"]["rows"]] == [
+        "paper",
+        "user",
+    ]
+    pairs = (tmp_path / "s/figures/improvement-td3.csv").read_text()  # --claims reaches the figure
+    assert "BPT-SAN > AAN" in pairs and "w/o" not in pairs
