@@ -40,7 +40,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.json:
         print(json.dumps([as_json(row) for row in grid], indent=1))
     else:
-        show(grid, Console())
+        console = Console()
+        show(grid, console if console.is_terminal else Console(width=140))  # a pipe has no width
     if count(grid, "failed"):
         return FAILED
     unfinished = count(grid, "running", "interrupted") + sum(len(row.missing) for row in grid)
