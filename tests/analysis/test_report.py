@@ -236,6 +236,31 @@ def test_compare_labels_and_studies(tmp_path, capsys):
     assert "actor.kind" in notes[0]
 
 
+@pytest.mark.parametrize("form", ["text", "csv", "latex"])
+def test_compare_says_in_every_format_that_training_was_unequal(tmp_path, capsys, form):
+    write_grid(tmp_path / "a", actors=("aan",), seeds=3)
+    write_grid(tmp_path / "b", actors=("aan",), seeds=3, total_steps=50_000, interval=5_000)
+    assert main(["compare", str(tmp_path / "a"), str(tmp_path / "b"), "--format", form]) == 0
+    captured = capsys.readouterr()
+    assert "unequal training, 100,000 against 50,000 steps: not comparable" in captured.out
+    assert "unequal training" in captured.err
+
+
+def test_a_sweep_has_a_line_per_coding(tmp_path):
+    for coding in ("poisson", "deterministic"):
+        write_run(tmp_path / "s", encoder=coding)
+        write_run(tmp_path / "s", encoder=coding, label="r4", changes={"actor.lateral.radius": 4})
+    for stage in ("collect", "figures"):
+        assert main([stage, str(tmp_path / "s")]) == 0
+    sweep = pd.read_csv(tmp_path / "s/figures/sweep-td3-actor.lateral.radius.csv")
+    assert sweep[["line", "value"]].values.tolist() == [
+        ["bptsan [deterministic]", 2],
+        ["bptsan [deterministic]", 4],
+        ["bptsan [poisson]", 2],
+        ["bptsan [poisson]", 4],
+    ]
+
+
 def test_saturated_runs_are_named(tmp_path):
     run = write_run(tmp_path / "s")
     frame = pd.read_csv(run / "training.csv")
