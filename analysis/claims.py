@@ -15,7 +15,6 @@ from analysis.names import actor_name, algorithm_name, task_name
 from analysis.settings import unequal_settings
 from analysis.study import Study
 from analysis.tests_of_claims import Contrast, holm, seeds_for_power, verdict, welch_contrast
-from analysis.untested import summary
 
 Array = NDArray[np.float64]
 _NAN = float("nan")
@@ -142,9 +141,8 @@ def overall(rows: list[Row], claims: Claims) -> list[Overall]:
             _on_every_task([row for row in rows if (row.algo, row.claim.name) == (algo, claim.name)]) for algo in algos
         ]
         if len(each) > 1:
-            names = [algorithm_name(algo) for algo in algos]
-            why = "; ".join(f"{result.verdict} under {name}" for result, name in zip(each, names))
-            results.append(Overall(claim, " and ".join(algos), _worst([r.verdict for r in each]), f"{why}."))
+            verdict_of_all = _worst([result.verdict for result in each])
+            results.append(Overall(claim, " and ".join(algos), verdict_of_all, " ".join(r.why for r in each)))
         results += each
     return results
 
@@ -154,12 +152,10 @@ def _on_every_task(rows: list[Row]) -> Overall:
     by = {kind: [r for r in rows if r.verdict == kind and not r.reason] for kind in ("supported", "contradicted")}
     by["undecided"] = [row for row in rows if row.verdict == "undecided" and not row.reason]
     parts = [f"{kind} on {', '.join(task_name(row.env) for row in found)}" for kind, found in by.items() if found]
-    sentence = f"{algorithm_name(first.algo)}: {'; '.join(parts)}. " if parts else ""
-    untested = [row for row in rows if row.reason]
-    if untested:
-        where = ", ".join(task_name(row.env) for row in untested)
-        sentence += f"Not testable on {where}, so this study cannot support it on every task ({summary(untested)})."
-    return Overall(first.claim, first.algo, _worst([row.verdict for row in rows]), sentence.strip())
+    if untested := [row for row in rows if row.reason]:
+        parts.append(f"not testable on {', '.join(task_name(row.env) for row in untested)}")
+    why = f"{algorithm_name(first.algo)}: {'; '.join(parts)}."
+    return Overall(first.claim, first.algo, _worst([row.verdict for row in rows]), why)
 
 
 def _worst(verdicts: list[str]) -> str:

@@ -86,6 +86,8 @@ def legend_below(figure: Figure, axes: list[Axes], columns: int = 3) -> None:
         for handle, label in zip(*axis.get_legend_handles_labels()):
             entries.setdefault(label, handle)
     if entries:
+        widest = 0.75 + 0.068 * max(map(len, entries))  # inches: the line, and 8-point letters
+        columns = max(1, min(columns, int(figure.get_figwidth() / widest)))
         figure.legend(
             entries.values(),
             entries.keys(),

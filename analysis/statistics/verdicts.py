@@ -18,7 +18,10 @@ from analysis.untested import summary
 
 
 def overall_table(results: list[Overall], rows: list[Row], title: str) -> Table:
-    """One row per claim and algorithm: the verdict "on every task". Where nothing could be tested, one sentence."""
+    """One row per claim: the verdict "on every "
+    "task"; where nothing could be tested, one sentence. The CSV has a row per
+    algorithm too.
+    """
     frame = pd.DataFrame(
         [
             {
@@ -44,12 +47,19 @@ def overall_table(results: list[Overall], rows: list[Row], title: str) -> Table:
         "Supported: every task of the claim supports it. Contradicted: a task contradicts it. Else undecided. "
         "“Undecided” says that these runs do not tell, not that the actors are equal."
     )
+    untested = [row for row in rows if row.reason]
+    if untested:
+        caption += (
+            f" What is not testable on a task cannot be supported on every task by this study. {_reasons(untested)}"
+        )
+    together = [" and " in result.algo for result in results]  # a row for all algorithms, which holds what theirs say
     instead = ""
     if rows and all(row.reason for row in rows):
         claims = len({row.claim.name for row in rows})
         instead = f"None of the {claims} claims can be tested with these runs. {_reasons(rows)}"
     empty = "No runs, so no verdicts."
-    return Table("verdicts", "verdicts", title, caption, frame, columns, empty, instead=instead)
+    shown = frame[together] if any(together) else None
+    return Table("verdicts", "verdicts", title, caption, frame, columns, empty, display=shown, instead=instead)
 
 
 def _source(items: Sequence[Overall | Row]) -> list[Column]:

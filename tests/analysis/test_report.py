@@ -93,7 +93,7 @@ def test_it_begins_with_verdicts_then_the_table_and_names_what_is_missing(mixed_
         html.index(f"<h2>{words}</h2>") for words in ("Statistics", "Spiking health and cost", "Provenance", "Notes")
     ]
     assert [first, *headings, *later] == sorted([first, *headings, *later])
-    assert "so this study cannot support it on every task" in html
+    assert "cannot be supported on every task by this study" in html
     assert "my notes: its path is not" in html and "diverged runs: BPT-SAN 1" in html
     runs = pd.read_csv(mixed_report / "statistics/runs.csv").set_index(["env", "arm"])
     assert str(runs.loc[("ant", "popsan"), "missing"]) in ("2, 3", "2–3")
