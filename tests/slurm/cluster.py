@@ -131,6 +131,10 @@ class Cluster:
         lines = self.run("squeue", "-h", "-r", "-o", "%i %T").splitlines()
         return dict(line.split() for line in lines)
 
+    def job_daemons(self):
+        """Sockets of the daemons that are at a job on the node."""
+        return list((self.folder / "spool").glob("*_[0-9]*.*"))
+
     def start_requeued(self):
         """Slurm holds a requeued job for two minutes; don't."""
         for line in self.run("squeue", "-h", "-r", "-o", "%i %T %r").splitlines():

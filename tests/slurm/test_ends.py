@@ -82,9 +82,11 @@ def test_a_node_that_dies_takes_its_jobs_and_they_come_back(cluster, tmp_path):
         cluster, tmp_path, "protocol=smoke", "protocol.total_steps=10_000", "seed=0,1", stub={"sleep": 1.0}
     )
     wait_for(lambda: all((run_path(tmp_path, s) / "state" / "checkpoint").exists() for s in (0, 1)), 90, "two runs")
-    node = cluster.run("sinfo", "-h", "-o", "%n").strip()
-    for state in (("State=DOWN", "Reason=test"), ("State=RESUME",)):
-        subprocess.run(["scontrol", "update", f"NodeName={node}", *state], env=cluster.environment, check=True)
+    node = ["scontrol", "update", "NodeName=" + cluster.run("sinfo", "-h", "-o", "%n").strip()]
+    subprocess.run([*node, "State=DOWN", "Reason=test"], env=cluster.environment, check=True)
+    # this node only pretends: as long as it has the old jobs' daemons it can't start the new ones
+    wait_for(lambda: not cluster.job_daemons(), 60, "the jobs to die")
+    subprocess.run([*node, "State=RESUME"], env=cluster.environment, check=False)  # unless it has come back by itself
 
     def ended():
         cluster.start_requeued()

@@ -87,6 +87,8 @@ class Watch:
             if job in self._jobs and not state.over
         )
         text = "Slurm: " + ", ".join(f"{number} {what}" for what, number in sorted(count.items()))
+        if "held" in text.lower():
+            text += "; a held job waits until `scontrol release JOB`"
         if count and text != self._told[1] and time.monotonic() - self._told[0] >= _TELL_SECONDS:
             self._told = (time.monotonic(), text)
             self._display.note(text)
