@@ -68,7 +68,7 @@ def typed(monkeypatch, capsys, tmp_path):
         (["-m", "actor=aan,nope"], "actor=nope: there is no such option"),
         (["-m", "seed=0,-1"], "seed: should be greater than or equal to 0, found -1. (in the cell seed=-1"),
         (["-m", "seed=1,1"], "seed_1: the grid has this cell twice"),
-        (["-m", "normalization_clip=1.0,2.0"], "they differ in normalization_clip"),
+        (["-m", "protocol.update_after=1000,2000"], "they differ in protocol.update_after"),
         (["sweeps=main_td3,main_sac"], "one sweep file per command"),
         (["-m", "sweeps=main_td3,main_sac"], "one sweep file per command"),
         (["-m", "sweeps=glob(main*)"], "one sweep file per command"),

@@ -57,12 +57,12 @@ def test_a_larger_total_extends_and_a_smaller_one_is_refused(tmp_path):
 
 def test_another_configuration_is_refused_with_the_keys(tmp_path):
     ended(tmp_path)
-    other = smoke(tmp_path, "normalize_observations=false", "threads=2")
+    other = smoke(tmp_path, "protocol.update_after=300", "threads=2")
     with pytest.raises(ConfigurationError) as refused:
         make_plan([other])
     said = str(refused.value)
     assert "td3/hopper/bptsan/poisson/seed_0" in said
-    assert "normalize_observations: True -> False" in said and "threads: 1 -> 2" in said
+    assert "protocol.update_after: 200 -> 300" in said and "threads: 1 -> 2" in said
     assert all(way in said for way in ("study=", "label=", "on_conflict=replace"))
     assert "total_steps" not in said
 
@@ -80,7 +80,7 @@ def test_replace_deletes_the_old_run_only_when_the_job_starts(tmp_path):
     run.evaluations.append(0, [(1.0, 5)])
     (run.state / "checkpoint").write_text("old")
     (run.state / "tensorboard").mkdir()
-    other = smoke(tmp_path, "normalize_observations=false", "on_conflict=replace")
+    other = smoke(tmp_path, "protocol.update_after=300", "on_conflict=replace")
     plan = make_plan([other])
     assert plan.cells[0].decision.action is Action.REPLACE
     assert (run.path / "evaluations.csv").exists()
@@ -89,7 +89,7 @@ def test_replace_deletes_the_old_run_only_when_the_job_starts(tmp_path):
         assert again.read_manifest().status == "running"
     assert sorted(each.name for each in run.path.iterdir()) == ["config.yaml", "manifest.json", "state"]
     assert {each.name for each in run.state.iterdir()} <= {"lock", "owner", "log.txt", "reserve"}
-    assert again.read_config()["normalize_observations"] is False
+    assert again.read_config()["protocol"]["update_after"] == 300
 
 
 def test_on_conflict_replace_leaves_a_run_of_the_same_configuration_alone(tmp_path):
@@ -148,8 +148,8 @@ def test_a_resume_counts_keeps_what_was_and_notes_what_differs(tmp_path):
 
 
 def test_two_cells_in_one_directory_are_refused():
-    cells = [cell("normalization_clip=1.0"), cell("normalization_clip=2.0")]
-    with pytest.raises(ConfigurationError, match="differ in normalization_clip"):
+    cells = [cell("protocol.update_after=1000"), cell("protocol.update_after=2000")]
+    with pytest.raises(ConfigurationError, match="differ in protocol.update_after"):
         make_plan(cells)
     with pytest.raises(ConfigurationError, match="twice"):
         make_plan([cell(), cell()])
