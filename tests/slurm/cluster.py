@@ -75,6 +75,7 @@ class Cluster:
             "PATH": os.environ["PATH"] + os.pathsep + "/usr/sbin" + os.pathsep + "/sbin",
         }
         self._processes = []
+        self._held_since = {}
 
     def start(self):
         munge = self.folder / "munge"
@@ -136,10 +137,12 @@ class Cluster:
         return list((self.folder / "spool").glob("*_[0-9]*.*"))
 
     def start_requeued(self):
-        """Slurm holds a requeued job for two minutes; don't."""
+        """Slurm holds a requeued job for two minutes; two seconds do (in the same second its credential is revoked)."""
         for line in self.run("squeue", "-h", "-r", "-o", "%i %T %r").splitlines():
             job, state, reason = line.split(maxsplit=2)
-            if state == "PENDING" and reason == "BeginTime":
+            if state != "PENDING" or reason != "BeginTime":
+                self._held_since.pop(job, None)
+            elif time.monotonic() - self._held_since.setdefault(job, time.monotonic()) > 2.5:
                 subprocess.run(
                     ["scontrol", "update", f"JobId={job}", "StartTime=now"], env=self.environment, capture_output=True
                 )
