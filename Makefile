@@ -30,7 +30,7 @@ test-browser: setup ## the report in headless Chromium (install Debian's chromiu
 
 test-slurm: setup ## a real one-node Slurm from Debian's packages (root: installs slurm-wlm and munge where missing)
 	command -v sbatch >/dev/null && command -v munged >/dev/null || apt-get install -y --no-install-recommends slurm-wlm munge
-	$(BIN)/python -m pytest -m slurm
+	$(BIN)/python -m pytest -m slurm tests/slurm
 
 check: setup ## ruff, mypy and the fast tests
 	$(BIN)/ruff check .

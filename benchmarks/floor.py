@@ -1,13 +1,13 @@
 """The floor of an update: the matrix products that it can't avoid, and nothing else.
 
-Shapes are those of the networks (METHOD sections 1 and 3), forward and backward, with every operand allocated beforehand:
+Shapes are those of the networks, forward and backward, with every operand allocated beforehand:
 
     y = x W          [B, in] x [in, out]      forward
     dW = x^T g       [in, B] x [B, out]       gradient of the weights
     dx = g W^T       [B, out] x [out, in]     gradient of the input, where something below learns
 
-A spiking layer has T*B rows and, with dendrites, d*n columns. The first layer's input gradient needs only B rows, because both
-spike codings are linear in time for the gradient.
+A spiking layer has T*B rows and, with dendrites, d*n columns. The first layer's input gradient needs only B rows,
+because both spike codings are linear in time for the gradient.
 """
 
 from __future__ import annotations

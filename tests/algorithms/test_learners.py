@@ -1,4 +1,4 @@
-"""The learners against naive loops of torch.nn, torch.optim and deep copies. If these fail, the update is another one."""
+"""The learners against naive loops of torch.nn, torch.optim and deep copies: is the update the one that is stated?"""
 
 from __future__ import annotations
 

@@ -149,7 +149,7 @@ def test_a_resume_counts_keeps_what_was_and_notes_what_differs(tmp_path):
 
 def test_two_cells_in_one_directory_are_refused():
     cells = [cell("protocol.update_after=1000"), cell("protocol.update_after=2000")]
-    with pytest.raises(ConfigurationError, match="differ in protocol.update_after"):
+    with pytest.raises(ConfigurationError, match=r"differ in protocol\.update_after"):
         make_plan(cells)
     with pytest.raises(ConfigurationError, match="twice"):
         make_plan([cell(), cell()])
