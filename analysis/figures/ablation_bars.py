@@ -36,7 +36,17 @@ def draw(study: Study, cells: list[Cell], algo: str, claims: Claims) -> list[Dra
         for place, arm in enumerate(ARMS):
             found = select(here, env=env, arm=arm)
             if not found:
-                axis.text(place, 0, "missing", ha="center", va="bottom", rotation=90, fontsize=7, color="#555555")
+                axis.annotate(
+                    "missing",
+                    (place, 0),
+                    xytext=(0, 3),
+                    textcoords="offset points",
+                    ha="center",
+                    va="bottom",
+                    rotation=90,
+                    fontsize=7,
+                    color="#555555",
+                )
                 continue
             cell, look = found[0], style[arm]
             best, each = metrics.max_of_mean(cell.steps, cell.returns), metrics.mean_of_max(cell.returns)
