@@ -4,7 +4,8 @@ Deterministic, over tau = 1..T from v' = 0::
 
     v' += A;   spike if v' > theta;   v' -= theta where it spiked          (theta = 0.999)
 
-Poisson: ``spike_tau ~ Bernoulli(A)`` independently per step.
+Poisson: ``spike_tau ~ Bernoulli(A)`` independently per step: 1 where ``u < A``, u uniform in [0, 1) by
+:mod:`src.actors.philox` from a key that is one draw from the generator.
 
 The gradient is straight through: poisson ``d spike_tau / d A = 1``; deterministic ``d spike_tau / d v'_tau = 1``, not
 detached through the soft reset, so ``d spike_tau / d A = a_tau`` with ``a_1 = 1, a_(tau+1) = (1 - theta) a_tau + 1``.
@@ -21,6 +22,8 @@ from torch import Tensor
 
 from src.actors.coding_kernel import deterministic_kernel
 from src.actors.kernels import takes_kernel
+from src.actors.philox import draw_key, uniform
+from src.actors.poisson_kernel import poisson_kernel
 
 Coding = Literal["poisson", "deterministic"]
 
@@ -35,7 +38,7 @@ def encode(
         coding: poisson or deterministic.
         time_steps: T.
         threshold: of the deterministic coding.
-        generator: the stream that Poisson coding draws from; its device is that of the draws.
+        generator: the stream that Poisson coding draws one key from.
 
     Returns:
         Spikes, ``[T, B, n]``, 0 or 1, of the dtype of ``strength``.
@@ -45,16 +48,25 @@ def encode(
     """
     if coding == "deterministic":
         return deterministic_spikes(strength.detach(), time_steps, threshold)
-    draws = poisson_draws(strength, time_steps, generator)
-    return draws.lt_(strength.detach())
+    strength = strength.detach()
+    if not takes_kernel(strength):
+        return (poisson_draws(strength, time_steps, generator) < strength).to(strength.dtype)
+    spikes = strength.new_empty((time_steps, *strength.shape))
+    train = spikes.view(time_steps, -1).numpy()
+    poisson_kernel()(strength.contiguous().view(-1).numpy(), _key(generator), train)
+    return spikes
 
 
 def poisson_draws(strength: Tensor, time_steps: int, generator: torch.Generator | None) -> Tensor:
-    """Uniform draws in [0, 1) for Poisson coding, ``[T, B, n]``; raises ValueError without a generator."""
+    """The uniform numbers of Poisson coding, ``[T, B, n]``; raises ValueError without a generator."""
+    draws = uniform(_key(generator), time_steps, strength.numel(), strength.device)
+    return draws.to(strength.dtype).view(time_steps, *strength.shape)
+
+
+def _key(generator: torch.Generator | None) -> int:
     if generator is None:
         raise ValueError("Poisson coding draws random spikes: call the actor with generator=...")
-    shape = (time_steps, *strength.shape)
-    return torch.rand(shape, generator=generator, device=generator.device, dtype=strength.dtype).to(strength.device)
+    return draw_key(generator)
 
 
 def deterministic_spikes(strength: Tensor, time_steps: int, threshold: float) -> Tensor:

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import torch
 
+from src.actors.philox import draw_key, philox, uniform
 from src.actors.population_encoder import PopulationEncoder
-from src.actors.spike_coding import StraightThroughSpikes, coding_gradient, encode
+from src.actors.spike_coding import StraightThroughSpikes, coding_gradient, encode, poisson_draws
 from tests.actors.configuration import configuration
 
 
@@ -54,6 +55,47 @@ def test_poisson_rate_and_gradient():
     assert set(spikes.flatten().tolist()) == {0.0, 1.0}
     spikes.sum().backward()
     assert strength.grad.tolist() == [[20000.0] * 4]
+
+
+@pytest.mark.parametrize(("counter", "key", "words"), [
+    ((0, 0, 0, 0), (0, 0), (0x6627E8D5, 0xE169C58D, 0xBC57AC4C, 0x9B00DBD8)),
+    ((0xFFFFFFFF,) * 4, (0xFFFFFFFF,) * 2, (0x408F276D, 0x41C83B0E, 0xA20BC7C6, 0x6D5451FD)),
+    ((0x243F6A88, 0x85A308D3, 0x13198A2E, 0x03707344), (0xA4093822, 0x299F31D0),
+     (0xD16CFE09, 0x94FDCCEB, 0x5001E420, 0x24126EA1)),
+])  # fmt: skip
+def test_philox_known_answers(counter, key, words):
+    """Vectors of Random123 (kat_vectors, philox4x32 10): the numbers are those of the published generator."""
+    found = philox(tuple(torch.tensor(word) for word in counter), key[0] | key[1] << 32)
+    assert tuple(int(word) for word in found) == words
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (3, 1), (1, 5), (7, 13), (100, 110)])
+def test_poisson_kernel_equals_its_specification(shape):
+    """The fused trains are those of the plain generator, bit for bit, and both move the stream on alike."""
+    strength = torch.rand(shape, generator=torch.Generator().manual_seed(0))
+    first, second = torch.Generator().manual_seed(1), torch.Generator().manual_seed(1)
+    for _ in range(3):
+        spikes = encode(strength, "poisson", 5, 0.999, first)
+        assert torch.equal(spikes, (poisson_draws(strength, 5, second) < strength).float())
+    assert torch.equal(first.get_state(), second.get_state())
+
+
+def test_uniform_numbers():
+    """Flat over [0, 1), and without correlation between neighbours, steps and the words of a counter."""
+    u = uniform(draw_key(torch.Generator().manual_seed(0)), 4, 40000, torch.device("cpu"))
+    assert 0 <= u.min() < u.max() < 1
+    counts = torch.histc(u, 100, 0, 1)
+    assert ((counts - 1600).square() / 1600).sum() < 170  # chi-square of 99 degrees: p < 1e-5
+    centred = (u - 0.5) * 12**0.5
+    for a, b in [
+        (centred[:, 1:], centred[:, :-1]),
+        (centred[1:], centred[:-1]),
+        (centred[:, 10000:], centred[:, :-10000]),
+    ]:
+        assert abs((a * b).mean()) < 5 / a.numel() ** 0.5
+    keys = {draw_key(generator) for generator in [torch.Generator().manual_seed(2)] for _ in range(100)}
+    assert len(keys) == 100
+    assert max(keys) > 2**63  # all 64 bits
 
 
 def test_poisson_needs_its_own_stream():
