@@ -1,12 +1,14 @@
 """An ensemble of ReLU networks as one differentiable operation, with its backward written by hand.
 
 Eager autograd spends more time on bookkeeping than on the products of networks this small (batch 100, width 256). Here
-all E networks go through one batched product per layer, and the whole network is one node of the graph:
+the whole ensemble of E networks is one node of the graph:
 
     h_0 = x,   h_k = relu(h_{k-1} W_k + b_k) for k < L,   y = h_{L-1} W_L + b_L
     dW_k = h_{k-1}^T g_k,   db_k = sum_B g_k,   g_{k-1} = (g_k W_k^T) * 1[h_{k-1} > 0]
 
-`tests/test_ensemble_mlp.py` holds it against ``torch.nn.Linear`` and autograd.
+For float32 on the CPU it is one call of a compiled kernel (:mod:`src.ensemble_mlp_kernel`), else one batched product
+per layer in PyTorch, which is the specification. `tests/test_ensemble_mlp.py` holds both against ``torch.nn.Linear``
+and autograd.
 """
 
 from __future__ import annotations
@@ -15,9 +17,12 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
+from src.actors.kernels import takes_kernel
+from src.ensemble_mlp_kernel import backward_kernel, forward_kernel, regress_kernel
 from src.streams import Streams
 
 
@@ -26,47 +31,155 @@ class _EnsembleMLPFunction(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, final_relu: bool, first: Tensor, second: Tensor | None, *parameters: Tensor) -> Tensor:
-        x = first if second is None else torch.cat([first, second], dim=-1)
-        ensemble = parameters[0].shape[0]
-        hidden: list[Tensor] = [x.expand(ensemble, *x.shape) if x.dim() == 2 else x]
-        layers = len(parameters) // 2
-        for k in range(layers):
-            y = torch.baddbmm(parameters[2 * k + 1], hidden[-1], parameters[2 * k])
-            hidden.append(y.relu_() if final_relu or k < layers - 1 else y)
-        ctx.save_for_backward(*(hidden if final_relu else hidden[:-1]), *parameters[0::2])
-        ctx.layers, ctx.final_relu = layers, final_relu
-        ctx.split = None if second is None else first.shape[-1]
-        ctx.shared_input = x.dim() == 2
+        weights = parameters[0::2]
+        hidden = _outputs(final_relu, first, second, parameters)
+        ctx.fused = _takes_kernel(hidden[0], weights[0])
+        ctx.save_for_backward(*(hidden if final_relu else hidden[:-1]), *weights)
+        ctx.layers, ctx.final_relu = len(weights), final_relu
+        ctx.split = first.shape[-1]
         return hidden[-1]
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
-        (g,) = gradients
         saved = ctx.saved_tensors
         hidden, weights = saved[: -ctx.layers], saved[-ctx.layers :]
-        need = ctx.needs_input_grad[1:]
-        if ctx.final_relu:
-            g = torch.ops.aten.threshold_backward(g, hidden[-1], 0)
-        parameter_gradients: list[Tensor | None] = [None] * (2 * ctx.layers)
-        first_gradient = second_gradient = None
-        for k in reversed(range(ctx.layers)):
-            if need[2 + 2 * k]:
-                parameter_gradients[2 * k] = torch.bmm(hidden[k].transpose(1, 2), g)
-                parameter_gradients[2 * k + 1] = g.sum(dim=1, keepdim=True)
-            if k > 0:
-                g = torch.ops.aten.threshold_backward(torch.bmm(g, weights[k].transpose(1, 2)), hidden[k], 0)
-        if need[0]:
-            first_gradient = _input_gradient(g, weights[0][:, : ctx.split], ctx.shared_input)
-        if need[1]:
-            second_gradient = _input_gradient(g, weights[0][:, ctx.split :], ctx.shared_input)
-        return None, first_gradient, second_gradient, *parameter_gradients
+        _, need_first, need_second, *need = ctx.needs_input_grad
+        columns = (0 if need_first else ctx.split, hidden[0].shape[-1] if need_second else ctx.split)
+        backward = _fused_backward if ctx.fused else _backward
+        g_input, g_parameters = backward(gradients[0], hidden, weights, ctx.final_relu, columns, any(need))
+        split = ctx.split if need_first else 0
+        return (
+            None,
+            g_input[..., :split] if need_first else None,
+            g_input[..., split:] if need_second else None,
+            *g_parameters,
+        )
 
 
-def _input_gradient(g: Tensor, weight: Tensor, shared_input: bool) -> Tensor:
-    gradient = torch.bmm(g, weight.transpose(1, 2))
-    if not shared_input:
-        return gradient
-    return gradient[0] if gradient.shape[0] == 1 else gradient.sum(dim=0)
+Gradients = tuple[Tensor, Sequence[Tensor | None]]  # of some columns of the input; of W_1, b_1, ..., W_L, b_L
+
+
+def _outputs(final_relu: bool, first: Tensor, second: Tensor | None, parameters: Sequence[Tensor]) -> list[Tensor]:
+    """The input and the output of each layer."""
+    x = first if second is None else torch.cat([first, second], dim=-1)
+    weights, biases = parameters[0::2], parameters[1::2]
+    return (_fused_forward if _takes_kernel(x, weights[0]) else _forward)(x, weights, biases, final_relu)
+
+
+def _forward(x: Tensor, weights: Sequence[Tensor], biases: Sequence[Tensor], final_relu: bool) -> list[Tensor]:
+    """The input ``[E, B, in]`` and the output of each layer ``[E, B, out]``."""
+    hidden = [x.expand(weights[0].shape[0], *x.shape) if x.dim() == 2 else x]
+    for k, (weight, bias) in enumerate(zip(weights, biases)):
+        y = torch.baddbmm(bias, hidden[-1], weight)
+        hidden.append(y.relu_() if final_relu or k < len(weights) - 1 else y)
+    if x.dim() == 2:
+        hidden[0] = x
+    return hidden
+
+
+def _backward(
+    g: Tensor,
+    hidden: Sequence[Tensor],
+    weights: Sequence[Tensor],
+    final_relu: bool,
+    columns: tuple[int, int],
+    to_parameters: bool,
+) -> Gradients:
+    """The gradients of :func:`_forward`, those of the input for the columns from the first to before the second."""
+    shared_input = hidden[0].dim() == 2
+    gradients: list[Tensor | None] = [None] * (2 * len(weights))
+    for k in reversed(range(len(weights))):
+        if final_relu or k < len(weights) - 1:
+            g = torch.ops.aten.threshold_backward(g, hidden[k + 1], 0)
+        if to_parameters:
+            x = hidden[k].expand(g.shape[0], *hidden[k].shape) if k == 0 and shared_input else hidden[k]
+            gradients[2 * k] = torch.bmm(x.transpose(1, 2), g)
+            gradients[2 * k + 1] = g.sum(dim=1, keepdim=True)
+        if k > 0:
+            g = torch.bmm(g, weights[k].transpose(1, 2))
+    g_input = torch.bmm(g, weights[0][:, slice(*columns)].transpose(1, 2))
+    return g_input.sum(dim=0) if shared_input else g_input, gradients
+
+
+def _takes_kernel(x: Tensor, weight: Tensor) -> bool:
+    return x.dim() == 2 and takes_kernel(x) and takes_kernel(weight)
+
+
+def _addresses(tensors: Sequence[Tensor]) -> np.ndarray:
+    return np.array([tensor.data_ptr() for tensor in tensors], np.int64)
+
+
+def _sizes(weights: Sequence[Tensor]) -> np.ndarray:
+    return np.array([weights[0].shape[1], *(weight.shape[2] for weight in weights)], np.int64)
+
+
+def _fused_forward(x: Tensor, weights: Sequence[Tensor], biases: Sequence[Tensor], final_relu: bool) -> list[Tensor]:
+    """:func:`_forward` for one input ``[B, in]``, which stays ``[B, in]``."""
+    ensemble, batch = weights[0].shape[0], x.shape[0]
+    weights, biases = [w.contiguous() for w in weights], [b.contiguous() for b in biases]
+    hidden = [x.contiguous(), *(torch.empty(ensemble, batch, w.shape[2]) for w in weights)]
+    addresses = (_addresses(weights), _addresses(biases), _addresses(hidden))
+    forward_kernel()(ensemble, batch, _sizes(weights), *addresses, final_relu)
+    return hidden
+
+
+def _fused_backward(
+    g: Tensor,
+    hidden: Sequence[Tensor],
+    weights: Sequence[Tensor],
+    final_relu: bool,
+    columns: tuple[int, int],
+    to_parameters: bool,
+) -> Gradients:
+    """:func:`_backward` of :func:`_fused_forward`."""
+    ensemble, batch, _ = g.shape
+    g = g.clone(memory_format=torch.contiguous_format) if final_relu else g.contiguous()  # the kernel masks in place
+    weights = [w.contiguous() for w in weights]
+    g_hidden = [g, *(torch.empty(ensemble, batch, w.shape[1]) for w in weights[1:]), g]
+    g_weights = [torch.empty(w.shape) for w in weights] if to_parameters else []
+    g_biases = [torch.empty(ensemble, 1, w.shape[2]) for w in weights] if to_parameters else []
+    start, stop = columns
+    g_input = torch.empty(batch, stop - start)
+    backward_kernel()(
+        ensemble,
+        batch,
+        _sizes(weights),
+        _addresses(weights),
+        _addresses(hidden),
+        _addresses(g_hidden),
+        final_relu,
+        _addresses(g_weights),
+        _addresses(g_biases),
+        g_input.data_ptr() if stop > start else 0,
+        start,
+        stop,
+    )
+    return g_input, [x for pair in zip(g_weights, g_biases) for x in pair] or [None] * (2 * len(weights))
+
+
+def _fused_regression(
+    x: Tensor, target: Tensor, weights: Sequence[Tensor], biases: Sequence[Tensor], gradients: Sequence[Tensor]
+) -> tuple[Tensor, Tensor]:
+    """:meth:`EnsembleMLP.regress` in one call."""
+    ensemble, batch = weights[0].shape[0], x.shape[0]
+    shapes = [(ensemble, batch, w.shape[2]) for w in weights]
+    hidden = [x.contiguous(), *(torch.empty(shape) for shape in shapes)]
+    g_hidden = [x, *(torch.empty(shape) for shape in shapes)]
+    loss = torch.empty(1)
+    regress_kernel()(
+        ensemble,
+        batch,
+        _sizes(weights),
+        _addresses(weights),
+        _addresses(biases),
+        _addresses(hidden),
+        _addresses(g_hidden),
+        _addresses(gradients[0::2]),
+        _addresses(gradients[1::2]),
+        target.contiguous().numpy(),
+        loss.numpy(),
+    )
+    return hidden[-1].squeeze(-1), loss[0]
 
 
 class EnsembleMLP(nn.Module):
@@ -97,6 +210,7 @@ class EnsembleMLP(nn.Module):
                 bias[e].uniform_(-bound, bound, generator=streams.torch("initialisation", f"{name}.{e}.{k}.bias"))
             self.weights.append(nn.Parameter(weight))
             self.biases.append(nn.Parameter(bias))
+        self.parameter_pairs = tuple(p for pair in zip(self.weights, self.biases) for p in pair)
         self.final_relu = final_relu
 
     def forward(
@@ -110,9 +224,41 @@ class EnsembleMLP(nn.Module):
             members: evaluate only the first this many networks.
             frozen: gradients flow to the input only, as in an actor's update.
         """
-        parameters: list[Tensor] = []
-        for parameter in (p for pair in zip(self.weights, self.biases) for p in pair):
-            part = parameter if members is None else parameter[:members]
-            parameters.append(part.detach() if frozen else part)
-        result: Tensor = _EnsembleMLPFunction.apply(self.final_relu, first, second, *parameters)
-        return result
+        parameters: Sequence[Tensor] = self.parameter_pairs
+        if members is not None:
+            parameters = [p[:members] for p in parameters]
+        if frozen:
+            parameters = [p.detach() for p in parameters]
+        return ensemble_mlp(parameters, self.final_relu, first, second)
+
+    @torch.no_grad()
+    def regress(self, x: Tensor, target: Tensor, gradients: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
+        """One regression step of networks with one output each, without autograd.
+
+        Args:
+            x: input ``[B, in]``.
+            target: ``[B]``, common to all networks.
+            gradients: of ``W_1, b_1, ..., W_L, b_L``; filled.
+
+        Returns:
+            The outputs ``[E, B]``, and ``sum over E of mean over B of (output - target)^2``.
+        """
+        weights, biases = self.parameter_pairs[0::2], self.parameter_pairs[1::2]
+        if _takes_kernel(x, weights[0]):
+            return _fused_regression(x, target, weights, biases, gradients)
+        hidden = _forward(x, weights, biases, final_relu=False)
+        error = hidden[-1].squeeze(-1) - target
+        g = (error * (2.0 / x.shape[0])).unsqueeze(-1)
+        found = _backward(g, hidden, weights, False, (0, 0), to_parameters=True)[1]
+        for gradient, value in zip(gradients, found):
+            assert value is not None
+            gradient.copy_(value)
+        return hidden[-1].squeeze(-1), error.square().sum() / x.shape[0]
+
+
+def ensemble_mlp(parameters: Sequence[Tensor], final_relu: bool, first: Tensor, second: Tensor | None = None) -> Tensor:
+    """Outputs ``[E, B, out]`` of networks ``W_1, b_1, ..., W_L, b_L`` on ``cat([first, second], -1)``, or ``first``."""
+    if not torch.is_grad_enabled():
+        return _outputs(final_relu, first, second, parameters)[-1]
+    result: Tensor = _EnsembleMLPFunction.apply(final_relu, first, second, *parameters)
+    return result

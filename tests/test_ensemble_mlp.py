@@ -1,10 +1,14 @@
 """If these fail, the critics compute or learn something other than the networks of the paper."""
 
+import subprocess
+import sys
+
 import pytest
 import torch
 from torch import nn
 
 from src.algorithms.critic import TwinCritic
+from src.algorithms.td3 import critic_loss
 from src.ensemble_mlp import EnsembleMLP
 from src.streams import Streams
 
@@ -88,3 +92,63 @@ def test_each_member_has_its_own_weights_in_the_default_linear_range() -> None:
 def test_a_layer_more_moves_no_other_layers_weights() -> None:
     shallow, deep = EnsembleMLP([4, 8, 8], 1, Streams(1), "x"), EnsembleMLP([4, 8, 8, 2], 1, Streams(1), "x")
     assert torch.equal(shallow.weights[1], deep.weights[1])
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])  # the kernel, PyTorch's operators
+@pytest.mark.parametrize("batch", [1, 7, 300])
+def test_a_regression_step_fills_autograds_gradient(dtype: torch.dtype, batch: int) -> None:
+    network = EnsembleMLP([5, 16, 8, 1], 2, Streams(0), "test").to(dtype)
+    x, target = torch.randn(batch, 5, dtype=dtype), torch.randn(batch, dtype=dtype)
+    gradients = [torch.full_like(p, torch.nan) for p in network.parameter_pairs]
+    values, loss = network.regress(x, target, gradients)
+    theirs = torch.stack([plain(network, e).to(dtype)(x).squeeze(-1) for e in range(2)])
+    torch.testing.assert_close(values, theirs)
+    expected = critic_loss(network(x).squeeze(-1), target)
+    torch.testing.assert_close(loss, expected.detach())
+    for ours, autograd in zip(gradients, torch.autograd.grad(expected, network.parameter_pairs)):
+        torch.testing.assert_close(ours, autograd)
+
+
+def test_kernel_and_specification_agree_whatever_the_layout(monkeypatch: pytest.MonkeyPatch) -> None:
+    network = EnsembleMLP([6, 33, 17, 3], 3, Streams(0), "test")
+    with torch.no_grad():  # views of a larger tensor, transposed: no parameter is contiguous
+        for p in network.parameters():
+            p.data = torch.randn(p.shape[0], p.shape[2], p.shape[1] + 1).transpose(1, 2)[:, 1:]
+    inputs = torch.randn(4, 11).t()[:, :4].requires_grad_(), torch.randn(11, 2, requires_grad=True)
+    weight = torch.randn(1).expand(3, 11, 3)
+    results = []
+    for kernel in (True, False):
+        if not kernel:
+            monkeypatch.setattr("src.ensemble_mlp._takes_kernel", lambda *_: False)
+        y = network(*inputs)
+        results.append([y, *torch.autograd.grad((y * weight).sum(), [*inputs, *network.parameter_pairs])])
+        with torch.no_grad():
+            assert torch.equal(network(*inputs), y)
+    for ours, theirs in zip(*results):
+        torch.testing.assert_close(ours, theirs)
+
+
+def test_the_kernel_is_taken_for_float32(monkeypatch: pytest.MonkeyPatch, network: EnsembleMLP) -> None:
+    monkeypatch.setattr("src.ensemble_mlp.forward_kernel", lambda: lambda *_: pytest.fail("the kernel"))
+    network.double()(torch.randn(2, 5, dtype=torch.float64))
+    with pytest.raises(pytest.fail.Exception):
+        network.float()(torch.randn(2, 5))
+
+
+@pytest.mark.parametrize("library", ["MKL of PyTorch", "BLAS of SciPy"])
+def test_both_libraries_multiply(library: str) -> None:
+    """Each in a process of its own, since a process holds one."""
+    code = (
+        "import torch\n"
+        f"torch.backends.mkl.is_available = lambda: {library == 'MKL of PyTorch'}\n"
+        "from src import blas\n"
+        "from src.ensemble_mlp import EnsembleMLP\n"
+        "from src.streams import Streams\n"
+        "network, x = EnsembleMLP([5, 16, 3], 2, Streams(0), 'test'), torch.randn(7, 5)\n"
+        "torch.testing.assert_close(network(x).double(), network.double()(x.double()))\n"
+        "print(blas.LIBRARY)"
+    )
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr
+    if library not in result.stdout:
+        pytest.skip(f"this PyTorch has no {library}")

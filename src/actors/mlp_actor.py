@@ -7,7 +7,7 @@ from torch import Tensor
 
 from src.actors.actor import Actor
 from src.config import MLPActorConfig
-from src.ensemble_mlp import EnsembleMLP
+from src.ensemble_mlp import EnsembleMLP, ensemble_mlp
 from src.streams import Streams
 
 
@@ -38,5 +38,6 @@ class MLPActor(Actor):
         return raw[0]
 
     def forward(self, observation: Tensor, generator: torch.Generator | None = None) -> Tensor:
-        """Raw action ``[B, M]``; draws nothing."""
-        return self.head(self.trunk(observation))
+        """Raw action ``[B, M]``, trunk and head in one operation; draws nothing."""
+        parameters = [*self.hidden.parameter_pairs, *self.output.parameter_pairs]
+        return ensemble_mlp(parameters, False, observation)[0]

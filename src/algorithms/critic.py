@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from torch import Tensor, nn
 
@@ -36,3 +36,14 @@ class TwinCritic(nn.Module):
         """Q1 alone, ``[B]``, with gradients to the action only."""
         value: Tensor = self.networks(observation, action, members=1, frozen=True)
         return value[0, :, 0]
+
+    def regress(
+        self, inputs: Tensor, target: Tensor, gradient_of: Mapping[nn.Parameter, Tensor]
+    ) -> tuple[Tensor, Tensor]:
+        """One regression step by hand instead of by autograd: fills the gradient of every parameter.
+
+        Returns the values ``[2, B]`` of ``inputs``, observation and action ``[B, N + M]``, and the loss of
+        :func:`src.algorithms.td3.critic_loss` to the target ``[B]``.
+        """
+        gradients = [gradient_of[p] for p in self.networks.parameter_pairs]
+        return self.networks.regress(inputs, target, gradients)

@@ -10,6 +10,7 @@ from torch import Tensor, nn
 
 from src.actors.health import ActorHealth
 from src.algorithms.adam import FlatAdam
+from src.algorithms.critic import TwinCritic
 from src.algorithms.metrics import BurstRecord, Diverged
 from src.algorithms.parameters import FlatParameters
 from src.algorithms.policy import DeterministicPolicy
@@ -40,6 +41,7 @@ class Learner(ABC):
     """
 
     policy: DeterministicPolicy
+    critic: TwinCritic
     streams: UpdateStreams
     critic_updates: int = 0
     actor_updates: int = 0
@@ -73,10 +75,9 @@ class Learner(ABC):
             if not bool(torch.isfinite(flat.values).all()):
                 raise Diverged(f"a parameter of the {name} is not finite")
 
-    def critic_step(self, loss: Tensor, values: Tensor, record: BurstRecord) -> None:
-        """One optimizer step of the critics on their loss; values ``[2, B]`` are recorded."""
-        flat = self.flat["critic"]
-        flat.join(torch.autograd.grad(loss, flat.parameters))
+    def critic_step(self, inputs: Tensor, target: Tensor, record: BurstRecord) -> None:
+        """One optimizer step of the critics towards a target ``[B]`` at observations and actions ``[B, N + M]``."""
+        values, loss = self.critic.regress(inputs, target, self.flat["critic"].gradient_of)
         self.optimizers["critic"].step()
         self.critic_updates += 1
         record.add("critic_loss", loss)

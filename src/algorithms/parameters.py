@@ -17,9 +17,12 @@ class FlatParameters:
         self.parameters = [p for module in modules for p in module.parameters() if p.requires_grad]
         self.values = torch.cat([p.detach().reshape(-1) for p in self.parameters])
         self.gradient = torch.zeros_like(self.values)
+        self.gradient_of: dict[nn.Parameter, Tensor] = {}  # a view of the flat gradient for each parameter
         offset = 0
         for p in self.parameters:
-            p.data = self.values[offset : offset + p.numel()].view(p.shape)
+            part = slice(offset, offset + p.numel())
+            p.data = self.values[part].view(p.shape)
+            self.gradient_of[p] = self.gradient[part].view(p.shape)
             offset += p.numel()
 
     def adam(self, learning_rate: float) -> FlatAdam:

@@ -16,7 +16,6 @@ from src.algorithms.learner import Learner, Minibatches, UpdateStreams
 from src.algorithms.metrics import BurstRecord
 from src.algorithms.parameters import FlatParameters
 from src.algorithms.policy import DeterministicPolicy, LogStdNetwork
-from src.algorithms.td3 import critic_loss
 from src.config import SACConfig
 
 
@@ -80,17 +79,16 @@ class SACLearner(Learner):
         """See :meth:`Learner.update`."""
         c, record = self.config, BurstRecord()
         noise = torch.randn((2, *burst.action.shape), generator=self.streams.target_noise).to(burst.action.device)
+        inputs = torch.cat([burst.observation, burst.action], dim=-1)
         batches = zip(*(x.unbind() for x in burst), noise[0].unbind(), noise[1].unbind())
-        for index, (observation, action, reward, next_observation, terminated, target_noise, own) in enumerate(batches):
+        for index, (observation, _, reward, next_observation, terminated, target_noise, own) in enumerate(batches):
             with torch.no_grad():
                 next_action, next_log_probability = sac.tanh_gaussian(
                     *self._mean_and_log_std(next_observation), target_noise, self.action_limit
                 )
                 next_values = self.target_critic(next_observation, next_action)
                 target = sac.bellman_target(reward, terminated, next_values, next_log_probability, c.discount, c.alpha)
-            values = self.critic(observation, action)
-            loss = critic_loss(values, target)
-            self.critic_step(loss, values, record)
+            self.critic_step(inputs[index], target, record)
             self._update_actor(observation, own, record, with_health=index == 0)
             self.flat["target_critic"].follow(self.flat["critic"], c.polyak)
         return record.means()

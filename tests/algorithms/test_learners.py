@@ -85,7 +85,10 @@ def test_td3_is_spinning_ups_loop(actor: str, encoder: str) -> None:
         noise = 0.2 * torch.randn(burst.action.shape, generator=smoothing)
         for index, (o, a, r, o2, d) in enumerate(zip(*burst)):
             with torch.no_grad():
-                a2 = (torch.tanh(target_pi(o2, draws)) + noise[index].clamp(-0.5, 0.5)).clamp(-1, 1)
+                if index == 0 or index % 2 == 1:  # the targets have moved: spikes for the minibatches that they serve
+                    first, group = index, burst.next_observation[index : index + 1 + index % 2]
+                    served = torch.tanh(target_pi(group.flatten(0, 1), draws)).unflatten(0, (-1, len(o2)))
+                a2 = (served[index - first] + noise[index].clamp(-0.5, 0.5)).clamp(-1, 1)
                 y = r + 0.99 * (1 - d) * torch.min(*target_q(o2, a2))
             step(critic_adam, sum(((value - y) ** 2).mean() for value in q(o, a)))  # type: ignore[arg-type]
             if index % 2 == 0:

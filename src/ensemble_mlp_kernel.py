@@ -1,0 +1,179 @@
+"""The ensemble of ReLU networks on the CPU: products from BLAS, the passes between them in Numba, in one call.
+
+The equations are those of :mod:`src.ensemble_mlp`. A bias and its ReLU are added to a product, and a gradient is masked
+and summed over the batch, while it is still in the cache. Arrays come as addresses, since their number varies; all are
+float32 and contiguous. ``sizes`` are the layer sizes, input first, ``E`` the networks, ``B`` the batch:
+
+    weights[k]   [E, sizes[k], sizes[k+1]]
+    biases[k]    [E, 1, sizes[k+1]]
+    hidden[k]    [E, B, sizes[k]]; hidden[0] is the input, [B, sizes[0]], one for all networks
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numba import carray, float32, int64, njit, types, void
+from numba.extending import intrinsic
+
+from src.actors.kernels import compiled
+from src.blas import sgemm
+
+ZERO = np.float32(0)
+_ADDRESSES = int64[::1]
+_FORWARD = void(int64, int64, _ADDRESSES, _ADDRESSES, _ADDRESSES, _ADDRESSES, int64)
+_BACKWARD = void(
+    int64, int64, _ADDRESSES, _ADDRESSES, _ADDRESSES, _ADDRESSES, int64, _ADDRESSES, _ADDRESSES, int64, int64, int64
+)
+_REGRESS = void(
+    int64, int64, _ADDRESSES, _ADDRESSES, _ADDRESSES, _ADDRESSES, _ADDRESSES, _ADDRESSES, _ADDRESSES,
+    float32[::1], float32[::1],
+)  # fmt: skip
+FLOAT_BYTES = 4
+
+
+@intrinsic
+def _floats(typing_context, address):  # type: ignore[no-untyped-def]
+    """An address as a pointer to float32."""
+    signature = types.CPointer(types.float32)(types.int64)
+
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
+
+    return signature, code
+
+
+def _product(n, m, k, a, lda, a_transposed, b, ldb, b_transposed, c, ldc, accumulate):  # type: ignore[no-untyped-def]
+    """``C[n, m] (+)= op(A)[n, k] op(B)[k, m]``, row by row: Fortran's ``C^T = op(B)^T op(A)^T``."""
+    sizes = np.array([m, n, k, ldb, lda, ldc], np.int32)
+    factors = np.array([1, accumulate], np.float32)
+    flags = np.array([ord("T") if b_transposed else ord("N"), ord("T") if a_transposed else ord("N")], np.uint8)
+    sgemm(
+        flags.ctypes, flags[1:].ctypes, sizes.ctypes, sizes[1:].ctypes, sizes[2:].ctypes,
+        factors.ctypes, _floats(b), sizes[3:].ctypes, _floats(a), sizes[4:].ctypes,
+        factors[1:].ctypes, _floats(c), sizes[5:].ctypes,
+    )  # fmt: skip
+
+
+def _add_bias(y, bias, relu):  # type: ignore[no-untyped-def]
+    """``y = relu(y + bias)``, or without the ReLU; shapes ``[B, n]``, ``[n]``."""
+    for r in range(y.shape[0]):
+        row = y[r]
+        if relu:
+            for j in range(bias.shape[0]):
+                value = row[j] + bias[j]
+                row[j] = value if value > ZERO else ZERO
+        else:
+            for j in range(bias.shape[0]):
+                row[j] = row[j] + bias[j]
+
+
+def _mask(g, h):  # type: ignore[no-untyped-def]
+    """``g = g * 1[h > 0]``; shapes ``[B, n]``."""
+    for r in range(g.shape[0]):
+        row, active = g[r], h[r]
+        for j in range(row.shape[0]):
+            value = row[j]  # loaded unconditionally, or the loop is not SIMD
+            row[j] = value if active[j] > ZERO else ZERO
+
+
+def _sum_rows(g, total):  # type: ignore[no-untyped-def]
+    """``total = sum over B of g``; shapes ``[B, n]``, ``[n]``."""
+    for j in range(total.shape[0]):
+        total[j] = ZERO
+    for r in range(g.shape[0]):
+        row = g[r]
+        for j in range(total.shape[0]):
+            total[j] = total[j] + row[j]
+
+
+def _forward(E, B, sizes, weights, biases, hidden, final_relu):  # type: ignore[no-untyped-def]
+    """Fill ``hidden[1:]``; the last one is the output."""
+    layers = sizes.shape[0] - 1
+    for e in range(E):
+        for k in range(layers):
+            n_in, n_out = sizes[k], sizes[k + 1]
+            x = hidden[k] + (e * B * n_in * FLOAT_BYTES if k > 0 else 0)
+            y = hidden[k + 1] + e * B * n_out * FLOAT_BYTES
+            weight = weights[k] + e * n_in * n_out * FLOAT_BYTES
+            _product(B, n_out, n_in, x, n_in, False, weight, n_out, False, y, n_out, ZERO)
+            bias = carray(_floats(biases[k] + e * n_out * FLOAT_BYTES), (n_out,))
+            _add_bias(carray(_floats(y), (B, n_out)), bias, final_relu or k < layers - 1)
+
+
+def _backward(  # type: ignore[no-untyped-def]
+    E, B, sizes, weights, hidden, gradients, final_relu, weight_gradients, bias_gradients,
+    input_gradient, input_start, input_stop,
+):  # fmt: skip
+    """From the output's gradient ``gradients[-1]`` to those of weights, biases and of some columns of the input.
+
+    ``gradients[k]`` has the shape of ``hidden[k]``; those of 1 to L-1 are filled, and the last is masked in place where
+    the last layer has a ReLU. Empty ``weight_gradients`` skip those of the parameters, an ``input_gradient`` of 0 skips
+    the input's: else it is ``[B, input_stop - input_start]``, summed over the networks.
+    """
+    layers = sizes.shape[0] - 1
+    for e in range(E):
+        for k in range(layers - 1, -1, -1):
+            n_in, n_out = sizes[k], sizes[k + 1]
+            x = hidden[k] + (e * B * n_in * FLOAT_BYTES if k > 0 else 0)
+            address = gradients[k + 1] + e * B * n_out * FLOAT_BYTES
+            weight = weights[k] + e * n_in * n_out * FLOAT_BYTES
+            g = carray(_floats(address), (B, n_out))
+            if final_relu or k < layers - 1:
+                _mask(g, carray(_floats(hidden[k + 1] + e * B * n_out * FLOAT_BYTES), (B, n_out)))
+            if weight_gradients.shape[0] > 0:
+                _sum_rows(g, carray(_floats(bias_gradients[k] + e * n_out * FLOAT_BYTES), (n_out,)))
+                target = weight_gradients[k] + e * n_in * n_out * FLOAT_BYTES
+                _product(n_in, n_out, B, x, n_in, True, address, n_out, False, target, n_out, ZERO)
+            if k > 0:
+                below = gradients[k] + e * B * n_in * FLOAT_BYTES
+                _product(B, n_in, n_out, address, n_out, False, weight, n_out, True, below, n_in, ZERO)
+            elif input_gradient > 0:
+                columns = input_stop - input_start
+                rows = weight + input_start * n_out * FLOAT_BYTES
+                _product(
+                    B, columns, n_out, address, n_out, False, rows, n_out, True, input_gradient, columns,
+                    np.float32(e > 0),
+                )  # fmt: skip
+
+
+def _regress(  # type: ignore[no-untyped-def]
+    E, B, sizes, weights, biases, hidden, gradients, weight_gradients, bias_gradients, target, loss
+):  # fmt: skip
+    """Forward, ``loss[0] = sum over E of mean over B of (y - target)^2``, and its gradient; one output per network."""
+    _forward(E, B, sizes, weights, biases, hidden, 0)
+    y = carray(_floats(hidden[-1]), (E, B))
+    g = carray(_floats(gradients[-1]), (E, B))
+    total = 0.0
+    for e in range(E):
+        for b in range(B):
+            error = y[e, b] - target[b]
+            total += error * error
+            g[e, b] = error * np.float32(2.0 / B)
+    loss[0] = total / B
+    _backward(E, B, sizes, weights, hidden, gradients, 0, weight_gradients, bias_gradients, 0, 0, 0)
+
+
+for _function in (_product, _add_bias, _mask, _sum_rows, _forward, _backward):
+    globals()[_function.__name__] = njit(error_model="numpy")(_function)
+
+
+@cache
+def forward_kernel() -> Callable[..., None]:
+    """The compiled networks."""
+    return compiled(_forward.py_func, _FORWARD)  # type: ignore[attr-defined]
+
+
+@cache
+def backward_kernel() -> Callable[..., None]:
+    """The compiled gradient."""
+    return compiled(_backward.py_func, _BACKWARD)  # type: ignore[attr-defined]
+
+
+@cache
+def regress_kernel() -> Callable[..., None]:
+    """The compiled regression: both of them around a squared error."""
+    return compiled(_regress, _REGRESS)
