@@ -6,32 +6,37 @@ python -m benchmarks.update                    # every actor, TD3 and SAC, Hoppe
 from __future__ import annotations
 
 import argparse
-import statistics
 import time
 from collections.abc import Callable
 from typing import NamedTuple
 
 import torch
 from rich.console import Console
-from rich.table import Table
 
 from benchmarks import floor
 from benchmarks.configuration import compose
+from benchmarks.spread import Spread
+from benchmarks.topic import Row, Topic
 from src.algorithms.build import build_learner
 from src.algorithms.learner import Minibatches
+from src.config import ExperimentConfig
 from src.streams import Streams
 from src.training.numerics import set_numerics
 
 ACTORS = ("aan", "popsan", "bptsan_wo_ndt", "bptsan_wo_li", "bptsan")
 SIZES = {"hopper": (11, 3), "ant": (111, 8)}
+#: The update may take so many times its products.
+GOALS = {"aan": 1.8}
+SPIKING_GOAL = 1.6
+ROUNDS = 7
 
 
 class Timing(NamedTuple):
-    """Milliseconds of one update and of its products (medians), and the median of their ratios, pair by pair."""
+    """Milliseconds of one update and of its products, and their ratio, pair by pair."""
 
-    update_ms: float
-    floor_ms: float
-    ratio: float
+    update_ms: Spread
+    floor_ms: Spread
+    ratio: Spread
     gflop: float
 
 
@@ -58,44 +63,82 @@ def seconds(call: Callable[[], object]) -> float:
     return time.perf_counter() - start
 
 
-def measure(algo: str, env: str, actor: str, rounds: int, *, reference: bool = False) -> Timing:
-    """Bursts and floors in turns; the first of each is a warm-up."""
-    config = compose(algo=algo, env=env, actor=actor)
-    n, m = SIZES[env]
-    learner = build_learner(config, n, m, 1.0, Streams(0), reference=reference)
+def measure(config: ExperimentConfig, sizes: tuple[int, int], rounds: int) -> Timing:
+    """Bursts of ``protocol.update_every`` updates and their floors in turns; the first of each is a warm-up.
+
+    Args:
+        config: actor and algorithm.
+        sizes: N, M.
+        rounds: how many pairs.
+    """
+    set_numerics(threads=1)
+    learner = build_learner(config, *sizes, 1.0, Streams(0))
     count = config.protocol.update_every
-    burst = random_burst(count, config.algo.batch_size, n, m)
-    products = floor.products_of_a_burst(config, n, m)
+    burst = random_burst(count, config.algo.batch_size, *sizes)
+    products = floor.products_of_a_burst(config, *sizes)
     pairs = []
     for _ in range(rounds + 1):
         pairs.append((seconds(lambda: learner.update(burst)), seconds(lambda: floor.run(products))))
     pairs = pairs[1:]
     return Timing(
-        update_ms=statistics.median(u for u, _ in pairs) / count * 1e3,
-        floor_ms=statistics.median(f for _, f in pairs) / count * 1e3,
-        ratio=statistics.median(u / f for u, f in pairs),
+        update_ms=Spread.of(u for u, _ in pairs).scaled(1e3 / count),
+        floor_ms=Spread.of(f for _, f in pairs).scaled(1e3 / count),
+        ratio=Spread.of(u / f for u, f in pairs),
         gflop=sum(p.flops for p in products) / count / 1e9,
     )
+
+
+def topic(quick: bool = False) -> Topic:
+    """Every actor; ``quick``: two actors, bursts of two updates."""
+    if quick:
+        return _table(("td3",), ("hopper",), ("aan", "bptsan"), 2, "protocol.update_every=2")
+    return _table(("td3", "sac"), tuple(SIZES), ACTORS, ROUNDS)
+
+
+def _table(
+    algos: tuple[str, ...], envs: tuple[str, ...], actors: tuple[str, ...], rounds: int, *overrides: str
+) -> Topic:
+    result = Topic(
+        title="update over its products",
+        method=(
+            "One average update (bursts of 50 on random minibatches of 100) and the bare matrix products of the same "
+            "update, forward and backward, in turns in one process on one thread; ratio pair by pair."
+        ),
+        columns={
+            "algo": "algo",
+            "env": "env",
+            "actor": "actor",
+            "update_ms": "update ms",
+            "floor_ms": "floor ms",
+            "gflops": "floor GFLOP/s",
+            "ratio": "ratio",
+            "quartiles": "quartiles",
+            "goal": "goal",
+        },
+        goal="at most",
+    )
+    for algo in algos:
+        for env in envs:
+            for actor in actors:
+                timing = measure(compose(*overrides, algo=algo, env=env, actor=actor), SIZES[env], rounds)
+                row: Row = {"algo": algo, "env": env, "actor": actor, "goal": GOALS.get(actor, SPIKING_GOAL)}
+                gflops = timing.gflop / timing.floor_ms.median * 1e3
+                result.rows.append(row | timing._asdict() | {"gflops": gflops})
+    return result
 
 
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rounds", type=int, default=7, help="bursts of 50 updates per row (default: 7)")
+    parser.add_argument(
+        "--rounds", type=int, default=ROUNDS, help="bursts of 50 updates per row (default: %(default)s)"
+    )
     parser.add_argument("--algo", nargs="+", default=["td3", "sac"], help="td3 sac")
     parser.add_argument("--env", nargs="+", default=list(SIZES), choices=list(SIZES))
     parser.add_argument("--actor", nargs="+", default=list(ACTORS))
     arguments = parser.parse_args()
-    set_numerics(threads=1)
-    table = Table("algo", "env", "actor", "update ms", "floor ms", "ratio", "GFLOP", title="update over its products")
-    for algo in arguments.algo:
-        for env in arguments.env:
-            for actor in arguments.actor:
-                t = measure(algo, env, actor, arguments.rounds)
-                table.add_row(
-                    algo, env, actor, f"{t.update_ms:.2f}", f"{t.floor_ms:.2f}", f"{t.ratio:.2f}", f"{t.gflop:.2f}"
-                )
-    Console().print(table)
+    result = _table(tuple(arguments.algo), tuple(arguments.env), tuple(arguments.actor), arguments.rounds)
+    Console().print(result.table())
 
 
 if __name__ == "__main__":

@@ -1,0 +1,43 @@
+"""Our training loop as it is: a real session over a real run directory, paused between two batches."""
+
+from __future__ import annotations
+
+import dataclasses
+from contextlib import nullcontext
+from functools import partial
+from unittest.mock import patch
+
+from benchmarks.relay import Turns
+from src.algorithms.build import build_learner
+from src.config import EnvConfig, ExperimentConfig
+from src.experiment.claim import claim
+from src.training.evaluation import Evaluator
+from src.training.session import TrainingSession
+
+
+class Silent:
+    """Shows nothing."""
+
+    def update(self, step: int, last_return: float | None, steps_per_second: float) -> None:
+        """Nothing."""
+
+    def note(self, text: str) -> None:
+        """Nothing."""
+
+
+def ours(turns: Turns, config: ExperimentConfig, evaluation_env: EnvConfig, reference: bool = False) -> None:
+    """A runner; times the parts ``evaluation`` and ``checkpoint``.
+
+    Args:
+        turns: where it waits.
+        config: the run; its results folder is the caller's to remove.
+        evaluation_env: the task of the evaluations, with episodes of a known length.
+        reference: the actor as plain step-by-step eager PyTorch.
+    """
+    stepwise = patch("src.training.session.build_learner", partial(build_learner, reference=True))
+    with claim(config) as (run, _), stepwise if reference else nullcontext():
+        session = TrainingSession(config, run, Silent())
+        session.evaluator = Evaluator(dataclasses.replace(config, env=evaluation_env), session.streams)
+        session.evaluator.evaluate = turns.timed("evaluation", session.evaluator.evaluate)  # type: ignore[method-assign]
+        session.save = turns.timed("checkpoint", session.save)  # type: ignore[method-assign]
+        session.loop(lambda: not turns.reached(session.step))
