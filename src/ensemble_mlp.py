@@ -31,22 +31,21 @@ class _EnsembleMLPFunction(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, final_relu: bool, first: Tensor, second: Tensor | None, *parameters: Tensor) -> Tensor:
-        weights = parameters[0::2]
-        hidden = _outputs(final_relu, first, second, parameters)
-        ctx.fused = _takes_kernel(hidden[0], weights[0])
-        ctx.save_for_backward(*(hidden if final_relu else hidden[:-1]), *weights)
-        ctx.layers, ctx.final_relu = len(weights), final_relu
+        hidden = _outputs(final_relu, first, second, parameters, keep=True)
+        ctx.fused = _takes_kernel(hidden[0], parameters[0])
+        ctx.save_for_backward(*(hidden if final_relu else hidden[:-1]), *parameters)
+        ctx.parameters, ctx.final_relu = len(parameters), final_relu
         ctx.split = first.shape[-1]
         return hidden[-1]
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
         saved = ctx.saved_tensors
-        hidden, weights = saved[: -ctx.layers], saved[-ctx.layers :]
+        hidden, parameters = saved[: -ctx.parameters], saved[-ctx.parameters :]
         _, need_first, need_second, *need = ctx.needs_input_grad
         columns = (0 if need_first else ctx.split, hidden[0].shape[-1] if need_second else ctx.split)
         backward = _fused_backward if ctx.fused else _backward
-        g_input, g_parameters = backward(gradients[0], hidden, weights, ctx.final_relu, columns, any(need))
+        g_input, g_parameters = backward(gradients[0], hidden, parameters, ctx.final_relu, columns, any(need))
         split = ctx.split if need_first else 0
         return (
             None,
@@ -59,15 +58,21 @@ class _EnsembleMLPFunction(torch.autograd.Function):
 Gradients = tuple[Tensor, Sequence[Tensor | None]]  # of some columns of the input; of W_1, b_1, ..., W_L, b_L
 
 
-def _outputs(final_relu: bool, first: Tensor, second: Tensor | None, parameters: Sequence[Tensor]) -> list[Tensor]:
-    """The input and the output of each layer."""
+def _outputs(
+    final_relu: bool, first: Tensor, second: Tensor | None, parameters: Sequence[Tensor], keep: bool
+) -> list[Tensor]:
+    """The input ``[B, in]`` (or ``[E, B, in]``), the outputs ``[E, B, out]`` of the layers between it and the last
+    where they are to be kept for a gradient, and the last one's.
+    """
     x = first if second is None else torch.cat([first, second], dim=-1)
+    if _takes_kernel(x, parameters[0]):
+        return _fused_forward(x, parameters, final_relu, keep)
+    return _forward(x, parameters, final_relu)
+
+
+def _forward(x: Tensor, parameters: Sequence[Tensor], final_relu: bool) -> list[Tensor]:
+    """The input and the output of each layer."""
     weights, biases = parameters[0::2], parameters[1::2]
-    return (_fused_forward if _takes_kernel(x, weights[0]) else _forward)(x, weights, biases, final_relu)
-
-
-def _forward(x: Tensor, weights: Sequence[Tensor], biases: Sequence[Tensor], final_relu: bool) -> list[Tensor]:
-    """The input ``[E, B, in]`` and the output of each layer ``[E, B, out]``."""
     hidden = [x.expand(weights[0].shape[0], *x.shape) if x.dim() == 2 else x]
     for k, (weight, bias) in enumerate(zip(weights, biases)):
         y = torch.baddbmm(bias, hidden[-1], weight)
@@ -80,12 +85,13 @@ def _forward(x: Tensor, weights: Sequence[Tensor], biases: Sequence[Tensor], fin
 def _backward(
     g: Tensor,
     hidden: Sequence[Tensor],
-    weights: Sequence[Tensor],
+    parameters: Sequence[Tensor],
     final_relu: bool,
     columns: tuple[int, int],
     to_parameters: bool,
 ) -> Gradients:
     """The gradients of :func:`_forward`, those of the input for the columns from the first to before the second."""
+    weights = parameters[0::2]
     shared_input = hidden[0].dim() == 2
     gradients: list[Tensor | None] = [None] * (2 * len(weights))
     for k in reversed(range(len(weights))):
@@ -109,76 +115,56 @@ def _addresses(tensors: Sequence[Tensor]) -> np.ndarray:
     return np.array([tensor.data_ptr() for tensor in tensors], np.int64)
 
 
-def _sizes(weights: Sequence[Tensor]) -> np.ndarray:
-    return np.array([weights[0].shape[1], *(weight.shape[2] for weight in weights)], np.int64)
+def _shape(x: Tensor, parameters: Sequence[Tensor]) -> tuple[int, int, np.ndarray]:
+    """E, B and the layer sizes."""
+    sizes = np.array([x.shape[1], *(bias.shape[2] for bias in parameters[1::2])], np.int64)
+    return parameters[0].shape[0], x.shape[0], sizes
 
 
-def _fused_forward(x: Tensor, weights: Sequence[Tensor], biases: Sequence[Tensor], final_relu: bool) -> list[Tensor]:
-    """:func:`_forward` for one input ``[B, in]``, which stays ``[B, in]``."""
-    ensemble, batch = weights[0].shape[0], x.shape[0]
-    weights, biases = [w.contiguous() for w in weights], [b.contiguous() for b in biases]
-    hidden = [x.contiguous(), *(torch.empty(ensemble, batch, w.shape[2]) for w in weights)]
-    addresses = (_addresses(weights), _addresses(biases), _addresses(hidden))
-    forward_kernel()(ensemble, batch, _sizes(weights), *addresses, final_relu)
-    return hidden
+def _contiguous(tensors: Sequence[Tensor]) -> list[Tensor]:
+    return [tensor.contiguous() for tensor in tensors]
+
+
+def _fused_forward(x: Tensor, parameters: Sequence[Tensor], final_relu: bool, keep: bool) -> list[Tensor]:
+    """:func:`_outputs` of one input for all networks, ``[B, in]``."""
+    x, parameters = x.contiguous(), _contiguous(parameters)
+    ensemble, batch, sizes = _shape(x, parameters)
+    outputs = [torch.empty(ensemble, batch, b.shape[2]) for b in (parameters[1::2] if keep else parameters[-1:])]
+    addresses = np.zeros(len(sizes), np.int64)
+    addresses[0], addresses[-len(outputs) :] = x.data_ptr(), [y.data_ptr() for y in outputs]
+    forward_kernel()(ensemble, batch, sizes, _addresses(parameters), addresses, final_relu)
+    return [x, *outputs]
 
 
 def _fused_backward(
     g: Tensor,
     hidden: Sequence[Tensor],
-    weights: Sequence[Tensor],
+    parameters: Sequence[Tensor],
     final_relu: bool,
     columns: tuple[int, int],
     to_parameters: bool,
 ) -> Gradients:
     """:func:`_backward` of :func:`_fused_forward`."""
-    ensemble, batch, _ = g.shape
-    g = g.clone(memory_format=torch.contiguous_format) if final_relu else g.contiguous()  # the kernel masks in place
-    weights = [w.contiguous() for w in weights]
-    g_hidden = [g, *(torch.empty(ensemble, batch, w.shape[1]) for w in weights[1:]), g]
-    g_weights = [torch.empty(w.shape) for w in weights] if to_parameters else []
-    g_biases = [torch.empty(ensemble, 1, w.shape[2]) for w in weights] if to_parameters else []
+    g, parameters = g.contiguous(), _contiguous(parameters)
+    ensemble, batch, sizes = _shape(hidden[0], parameters)
+    gradients = [torch.empty(p.shape) for p in parameters] if to_parameters else []
     start, stop = columns
     g_input = torch.empty(batch, stop - start)
-    backward_kernel()(
-        ensemble,
-        batch,
-        _sizes(weights),
-        _addresses(weights),
-        _addresses(hidden),
-        _addresses(g_hidden),
-        final_relu,
-        _addresses(g_weights),
-        _addresses(g_biases),
-        g_input.data_ptr() if stop > start else 0,
-        start,
-        stop,
-    )
-    return g_input, [x for pair in zip(g_weights, g_biases) for x in pair] or [None] * (2 * len(weights))
+    addresses = (_addresses(parameters), _addresses(hidden), g.data_ptr(), final_relu, _addresses(gradients))
+    backward_kernel()(ensemble, batch, sizes, *addresses, g_input.data_ptr() if stop > start else 0, start, stop)
+    return g_input, gradients or [None] * len(parameters)
 
 
 def _fused_regression(
-    x: Tensor, target: Tensor, weights: Sequence[Tensor], biases: Sequence[Tensor], gradients: Sequence[Tensor]
+    x: Tensor, target: Tensor, parameters: Sequence[Tensor], gradients: Sequence[Tensor]
 ) -> tuple[Tensor, Tensor]:
-    """:meth:`EnsembleMLP.regress` in one call."""
-    ensemble, batch = weights[0].shape[0], x.shape[0]
-    shapes = [(ensemble, batch, w.shape[2]) for w in weights]
-    hidden = [x.contiguous(), *(torch.empty(shape) for shape in shapes)]
-    g_hidden = [x, *(torch.empty(shape) for shape in shapes)]
+    """:meth:`EnsembleMLP.regress` in one call; the gradients are contiguous."""
+    x, parameters = x.contiguous(), _contiguous(parameters)
+    ensemble, batch, sizes = _shape(x, parameters)
+    hidden = [x, *(torch.empty(ensemble, batch, b.shape[2]) for b in parameters[1::2])]
     loss = torch.empty(1)
-    regress_kernel()(
-        ensemble,
-        batch,
-        _sizes(weights),
-        _addresses(weights),
-        _addresses(biases),
-        _addresses(hidden),
-        _addresses(g_hidden),
-        _addresses(gradients[0::2]),
-        _addresses(gradients[1::2]),
-        target.contiguous().numpy(),
-        loss.numpy(),
-    )
+    addresses = (_addresses(parameters), _addresses(hidden), _addresses(gradients))
+    regress_kernel()(ensemble, batch, sizes, *addresses, target.contiguous().numpy(), loss.numpy())
     return hidden[-1].squeeze(-1), loss[0]
 
 
@@ -243,13 +229,12 @@ class EnsembleMLP(nn.Module):
         Returns:
             The outputs ``[E, B]``, and ``sum over E of mean over B of (output - target)^2``.
         """
-        weights, biases = self.parameter_pairs[0::2], self.parameter_pairs[1::2]
-        if _takes_kernel(x, weights[0]):
-            return _fused_regression(x, target, weights, biases, gradients)
-        hidden = _forward(x, weights, biases, final_relu=False)
+        if _takes_kernel(x, self.parameter_pairs[0]):
+            return _fused_regression(x, target, self.parameter_pairs, gradients)
+        hidden = _forward(x, self.parameter_pairs, final_relu=False)
         error = hidden[-1].squeeze(-1) - target
         g = (error * (2.0 / x.shape[0])).unsqueeze(-1)
-        found = _backward(g, hidden, weights, False, (0, 0), to_parameters=True)[1]
+        found = _backward(g, hidden, self.parameter_pairs, False, (0, 0), to_parameters=True)[1]
         for gradient, value in zip(gradients, found):
             assert value is not None
             gradient.copy_(value)
@@ -259,6 +244,6 @@ class EnsembleMLP(nn.Module):
 def ensemble_mlp(parameters: Sequence[Tensor], final_relu: bool, first: Tensor, second: Tensor | None = None) -> Tensor:
     """Outputs ``[E, B, out]`` of networks ``W_1, b_1, ..., W_L, b_L`` on ``cat([first, second], -1)``, or ``first``."""
     if not torch.is_grad_enabled():
-        return _outputs(final_relu, first, second, parameters)[-1]
+        return _outputs(final_relu, first, second, parameters, keep=False)[-1]
     result: Tensor = _EnsembleMLPFunction.apply(final_relu, first, second, *parameters)
     return result

@@ -4,8 +4,7 @@ The equations are those of :mod:`src.ensemble_mlp`. A bias and its ReLU are adde
 and summed over the batch, while it is still in the cache. Arrays come as addresses, since their number varies; all are
 float32 and contiguous. ``sizes`` are the layer sizes, input first, ``E`` the networks, ``B`` the batch:
 
-    weights[k]   [E, sizes[k], sizes[k+1]]
-    biases[k]    [E, 1, sizes[k+1]]
+    parameters   W_1, b_1, ..., W_L, b_L: [E, sizes[k-1], sizes[k]] and [E, 1, sizes[k]]; ``gradients`` likewise
     hidden[k]    [E, B, sizes[k]]; hidden[0] is the input, [B, sizes[0]], one for all networks
 """
 
@@ -24,14 +23,9 @@ from src.blas import sgemm
 
 ZERO = np.float32(0)
 _ADDRESSES = int64[::1]
-_FORWARD = void(int64, int64, _ADDRESSES, _ADDRESSES, _ADDRESSES, _ADDRESSES, int64)
-_BACKWARD = void(
-    int64, int64, _ADDRESSES, _ADDRESSES, _ADDRESSES, _ADDRESSES, int64, _ADDRESSES, _ADDRESSES, int64, int64, int64
-)
-_REGRESS = void(
-    int64, int64, _ADDRESSES, _ADDRESSES, _ADDRESSES, _ADDRESSES, _ADDRESSES, _ADDRESSES, _ADDRESSES,
-    float32[::1], float32[::1],
-)  # fmt: skip
+_FORWARD = void(int64, int64, _ADDRESSES, _ADDRESSES, _ADDRESSES, int64)
+_BACKWARD = void(int64, int64, _ADDRESSES, _ADDRESSES, _ADDRESSES, int64, int64, _ADDRESSES, int64, int64, int64)
+_REGRESS = void(int64, int64, _ADDRESSES, _ADDRESSES, _ADDRESSES, _ADDRESSES, float32[::1], float32[::1])
 FLOAT_BYTES = 4
 
 
@@ -71,12 +65,12 @@ def _add_bias(y, bias, relu):  # type: ignore[no-untyped-def]
                 row[j] = row[j] + bias[j]
 
 
-def _mask(g, h):  # type: ignore[no-untyped-def]
-    """``g = g * 1[h > 0]``; shapes ``[B, n]``."""
+def _mask(target, g, h):  # type: ignore[no-untyped-def]
+    """``target = g * 1[h > 0]``; shapes ``[B, n]``; the target may be g."""
     for r in range(g.shape[0]):
-        row, active = g[r], h[r]
+        row, source, active = target[r], g[r], h[r]
         for j in range(row.shape[0]):
-            value = row[j]  # loaded unconditionally, or the loop is not SIMD
+            value = source[j]  # loaded unconditionally, or the loop is not SIMD
             row[j] = value if active[j] > ZERO else ZERO
 
 
@@ -90,63 +84,63 @@ def _sum_rows(g, total):  # type: ignore[no-untyped-def]
             total[j] = total[j] + row[j]
 
 
-def _forward(E, B, sizes, weights, biases, hidden, final_relu):  # type: ignore[no-untyped-def]
-    """Fill ``hidden[1:]``; the last one is the output."""
+def _forward(E, B, sizes, parameters, hidden, final_relu):  # type: ignore[no-untyped-def]
+    """Fill ``hidden[1:]``, the last of which is the output; those between that are 0 are not kept."""
     layers = sizes.shape[0] - 1
+    scratch = np.empty((2, B * sizes.max() if hidden[1:layers].sum() == 0 else 0), np.float32)
     for e in range(E):
+        x = hidden[0]
         for k in range(layers):
             n_in, n_out = sizes[k], sizes[k + 1]
-            x = hidden[k] + (e * B * n_in * FLOAT_BYTES if k > 0 else 0)
-            y = hidden[k + 1] + e * B * n_out * FLOAT_BYTES
-            weight = weights[k] + e * n_in * n_out * FLOAT_BYTES
+            weight = parameters[2 * k] + e * n_in * n_out * FLOAT_BYTES
+            kept = hidden[k + 1] + e * B * n_out * FLOAT_BYTES
+            y = kept if hidden[k + 1] > 0 else int64(scratch[k % 2].ctypes.data)
             _product(B, n_out, n_in, x, n_in, False, weight, n_out, False, y, n_out, ZERO)
-            bias = carray(_floats(biases[k] + e * n_out * FLOAT_BYTES), (n_out,))
+            bias = carray(_floats(parameters[2 * k + 1] + e * n_out * FLOAT_BYTES), (n_out,))
             _add_bias(carray(_floats(y), (B, n_out)), bias, final_relu or k < layers - 1)
+            x = y
 
 
 def _backward(  # type: ignore[no-untyped-def]
-    E, B, sizes, weights, hidden, gradients, final_relu, weight_gradients, bias_gradients,
-    input_gradient, input_start, input_stop,
+    E, B, sizes, parameters, hidden, output_gradient, final_relu, gradients, input_gradient, input_start, input_stop
 ):  # fmt: skip
-    """From the output's gradient ``gradients[-1]`` to those of weights, biases and of some columns of the input.
+    """From the output's gradient ``[E, B, sizes[L]]`` to those of the parameters and of some columns of the input.
 
-    ``gradients[k]`` has the shape of ``hidden[k]``; those of 1 to L-1 are filled, and the last is masked in place where
-    the last layer has a ReLU. Empty ``weight_gradients`` skip those of the parameters, an ``input_gradient`` of 0 skips
-    the input's: else it is ``[B, input_stop - input_start]``, summed over the networks.
+    Empty ``gradients`` skip those of the parameters, an ``input_gradient`` of 0 skips the input's: else it is
+    ``[B, input_stop - input_start]``, summed over the networks.
     """
     layers = sizes.shape[0] - 1
+    scratch = np.empty((2, B * sizes[1:].max()), np.float32)
     for e in range(E):
+        source = output_gradient + e * B * sizes[layers] * FLOAT_BYTES
         for k in range(layers - 1, -1, -1):
             n_in, n_out = sizes[k], sizes[k + 1]
             x = hidden[k] + (e * B * n_in * FLOAT_BYTES if k > 0 else 0)
-            address = gradients[k + 1] + e * B * n_out * FLOAT_BYTES
-            weight = weights[k] + e * n_in * n_out * FLOAT_BYTES
-            g = carray(_floats(address), (B, n_out))
+            weight = parameters[2 * k] + e * n_in * n_out * FLOAT_BYTES
+            address = source
             if final_relu or k < layers - 1:
-                _mask(g, carray(_floats(hidden[k + 1] + e * B * n_out * FLOAT_BYTES), (B, n_out)))
-            if weight_gradients.shape[0] > 0:
-                _sum_rows(g, carray(_floats(bias_gradients[k] + e * n_out * FLOAT_BYTES), (n_out,)))
-                target = weight_gradients[k] + e * n_in * n_out * FLOAT_BYTES
-                _product(n_in, n_out, B, x, n_in, True, address, n_out, False, target, n_out, ZERO)
+                address = int64(scratch[k % 2].ctypes.data)
+                h = carray(_floats(hidden[k + 1] + e * B * n_out * FLOAT_BYTES), (B, n_out))
+                _mask(carray(_floats(address), (B, n_out)), carray(_floats(source), (B, n_out)), h)
+            if gradients.shape[0] > 0:
+                bias_gradient = carray(_floats(gradients[2 * k + 1] + e * n_out * FLOAT_BYTES), (n_out,))
+                _sum_rows(carray(_floats(address), (B, n_out)), bias_gradient)
+                weight_gradient = gradients[2 * k] + e * n_in * n_out * FLOAT_BYTES
+                _product(n_in, n_out, B, x, n_in, True, address, n_out, False, weight_gradient, n_out, ZERO)
             if k > 0:
-                below = gradients[k] + e * B * n_in * FLOAT_BYTES
-                _product(B, n_in, n_out, address, n_out, False, weight, n_out, True, below, n_in, ZERO)
+                source = int64(scratch[(k - 1) % 2].ctypes.data)
+                _product(B, n_in, n_out, address, n_out, False, weight, n_out, True, source, n_in, ZERO)
             elif input_gradient > 0:
                 columns = input_stop - input_start
                 rows = weight + input_start * n_out * FLOAT_BYTES
-                _product(
-                    B, columns, n_out, address, n_out, False, rows, n_out, True, input_gradient, columns,
-                    np.float32(e > 0),
-                )  # fmt: skip
+                more = np.float32(e > 0)
+                _product(B, columns, n_out, address, n_out, False, rows, n_out, True, input_gradient, columns, more)
 
 
-def _regress(  # type: ignore[no-untyped-def]
-    E, B, sizes, weights, biases, hidden, gradients, weight_gradients, bias_gradients, target, loss
-):  # fmt: skip
+def _regress(E, B, sizes, parameters, hidden, gradients, target, loss):  # type: ignore[no-untyped-def]
     """Forward, ``loss[0] = sum over E of mean over B of (y - target)^2``, and its gradient; one output per network."""
-    _forward(E, B, sizes, weights, biases, hidden, 0)
-    y = carray(_floats(hidden[-1]), (E, B))
-    g = carray(_floats(gradients[-1]), (E, B))
+    _forward(E, B, sizes, parameters, hidden, 0)
+    y, g = carray(_floats(hidden[-1]), (E, B)), np.empty((E, B), np.float32)
     total = 0.0
     for e in range(E):
         for b in range(B):
@@ -154,7 +148,7 @@ def _regress(  # type: ignore[no-untyped-def]
             total += error * error
             g[e, b] = error * np.float32(2.0 / B)
     loss[0] = total / B
-    _backward(E, B, sizes, weights, hidden, gradients, 0, weight_gradients, bias_gradients, 0, 0, 0)
+    _backward(E, B, sizes, parameters, hidden, int64(g.ctypes.data), 0, gradients, 0, 0, 0)
 
 
 for _function in (_product, _add_bias, _mask, _sum_rows, _forward, _backward):

@@ -30,14 +30,14 @@ class MLPActor(Actor):
     def trunk(self, observation: Tensor) -> Tensor:
         """Features of the last hidden layer, ``[B, N] -> [B, hidden]``."""
         features: Tensor = self.hidden(observation)
-        return features[0]
+        return features.squeeze(0)
 
     def head(self, features: Tensor) -> Tensor:
         """Raw action of the trunk's features, ``[B, hidden] -> [B, M]``."""
         raw: Tensor = self.output(features)
-        return raw[0]
+        return raw.squeeze(0)
 
     def forward(self, observation: Tensor, generator: torch.Generator | None = None) -> Tensor:
         """Raw action ``[B, M]``, trunk and head in one operation; draws nothing."""
         parameters = [*self.hidden.parameter_pairs, *self.output.parameter_pairs]
-        return ensemble_mlp(parameters, False, observation)[0]
+        return ensemble_mlp(parameters, False, observation).squeeze(0)

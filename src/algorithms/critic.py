@@ -35,7 +35,7 @@ class TwinCritic(nn.Module):
     def first_frozen(self, observation: Tensor, action: Tensor) -> Tensor:
         """Q1 alone, ``[B]``, with gradients to the action only."""
         value: Tensor = self.networks(observation, action, members=1, frozen=True)
-        return value[0, :, 0]
+        return value.flatten()
 
     def regress(
         self, inputs: Tensor, target: Tensor, gradient_of: Mapping[nn.Parameter, Tensor]

@@ -55,4 +55,4 @@ class LogStdNetwork(nn.Module):
     def forward(self, features: Tensor) -> Tensor:
         """``[B, M]`` for ``[B, input_size]``."""
         log_std: Tensor = self.network(features)
-        return log_std[0].clamp(self.low, self.high)
+        return log_std.squeeze(0).clamp(self.low, self.high)

@@ -20,7 +20,7 @@ def bellman_target(reward: Tensor, terminated: Tensor, next_values: Tensor, disc
     ``terminated`` is 1 where the episode ended by itself; a time limit is bootstrapped through.
     ``next_values`` is ``[2, B]``.
     """
-    return torch.addcmul(reward, 1.0 - terminated, torch.minimum(next_values[0], next_values[1]), value=discount)
+    return torch.addcmul(reward, 1.0 - terminated, torch.minimum(*next_values.unbind()), value=discount)
 
 
 def critic_loss(values: Tensor, target: Tensor) -> Tensor:

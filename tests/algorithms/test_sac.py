@@ -100,3 +100,27 @@ def test_log_probability_is_the_change_of_variables() -> None:
 def test_log_probability_stays_finite_where_tanh_saturates() -> None:
     _, log_probability = sac.tanh_gaussian(torch.tensor([[40.0]]), torch.tensor([[0.0]]), torch.tensor([[0.0]]), 1.0)
     assert torch.isfinite(log_probability).all()
+
+
+@pytest.mark.parametrize("scale", [1.0, 30.0])  # 30: the tanh is saturated
+def test_the_kernel_samples_what_the_equations_say(scale: float) -> None:
+    mean, log_std = scale * torch.randn(50, 3), torch.randn(50, 3)
+    noise, weights = torch.randn(50, 3), (torch.randn(50, 3), torch.randn(50))
+    results = []
+    for dtype, sample in ((torch.float32, sac.tanh_gaussian), (torch.float64, sac.tanh_gaussian_reference)):
+        inputs = mean.to(dtype).requires_grad_(), log_std.to(dtype).requires_grad_()
+        outputs = sample(*inputs, noise.to(dtype), 2.0)
+        loss = sum((w.to(dtype) * x).sum() for w, x in zip(weights, outputs))
+        results.append([*outputs, *torch.autograd.grad(loss, inputs)])  # type: ignore[arg-type]
+    for ours, theirs in zip(*results):
+        torch.testing.assert_close(ours, theirs.float(), rtol=1e-4, atol=1e-4)
+
+
+def test_a_sample_may_be_asked_for_one_of_its_two_parts() -> None:
+    inputs = [torch.randn(4, 3, requires_grad=True) for _ in range(2)]
+    noise = torch.randn(4, 3)
+    for part in (0, 1):
+        ours = torch.autograd.grad(sac.tanh_gaussian(*inputs, noise, 1.0)[part].sum(), inputs)
+        theirs = torch.autograd.grad(sac.tanh_gaussian_reference(*inputs, noise, 1.0)[part].sum(), inputs)
+        for a, b in zip(ours, theirs):
+            torch.testing.assert_close(a, b)
