@@ -44,7 +44,8 @@ def main(arguments: list[str] | None = None) -> int:
     threads.set_before_torch(1)
     console = Console() if sys.stdout.isatty() else Console(width=_NARROWEST)
     described = machine.describe()
-    content: dict[str, Any] = {"quick": options.quick, "machine": described, "topics": {}, "failed": {}}
+    content: dict[str, Any] = {"quick": options.quick, "machine": described, "seconds": 0, "topics": {}, "failed": {}}
+    started = time.perf_counter()
     for line in machine.lines(described):
         console.print(line, highlight=False, markup=False)
     for name in [name for name in TOPICS if name in options.only]:
@@ -56,8 +57,9 @@ def main(arguments: list[str] | None = None) -> int:
         else:
             content["topics"][name] = topic.plain()
             _show(topic, console)
+        content["seconds"] = round(time.perf_counter() - started)
         replace_file(options.output.absolute(), json.dumps(content, indent=1).encode())
-    console.print(f"written: {options.output}", highlight=False, markup=False)
+    console.print(f"\n{content['seconds']} s, written: {options.output}", highlight=False, markup=False)
     for name, message in content["failed"].items():
         console.print(f"{name} failed: {message.splitlines()[0]}", highlight=False, markup=False)
     return 1 if content["failed"] else 0

@@ -31,7 +31,7 @@ _BLOCK = 10_000
 
 def topic(quick: bool = False) -> Topic:
     """The same command with an empty and with a full replay."""
-    rows, steps = (20_000, 100) if quick else (1_000_000, 1_000)
+    rows, steps = (20_000, 100) if quick else (1_000_000, 500)
     result = Topic(
         title="memory of a run",
         method=(

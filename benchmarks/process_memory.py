@@ -23,7 +23,7 @@ class FailedError(Exception):
     """The watched command failed; the message is the end of its output."""
 
 
-def watch(command: list[str], cwd: Path, output: Path, replay: str, every: float = 0.25) -> Peak:
+def watch(command: list[str], cwd: Path, output: Path, replay: str, every: float = 0.5) -> Peak:
     """Run a command to its end and watch its memory.
 
     Args:
