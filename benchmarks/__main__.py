@@ -21,13 +21,13 @@ from typing import Any
 from rich.console import Console
 
 from benchmarks import machine
+from benchmarks import topic as topics
 from benchmarks.topic import Topic
 from src.experiment import threads
 from src.experiment.atomic import replace_file
 
 #: Each is a module with ``topic(quick)``.
 TOPICS = ("update", "peers", "reference", "growth", "memory", "two_jobs")
-_NARROWEST = 130
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -42,7 +42,7 @@ def main(arguments: list[str] | None = None) -> int:
     if not options.output.absolute().parent.is_dir():
         parser.error(f"--output: there is no folder {options.output.absolute().parent}")
     threads.set_before_torch(1)
-    console = Console() if sys.stdout.isatty() else Console(width=_NARROWEST)
+    console = topics.console()
     described = machine.describe()
     content: dict[str, Any] = {"quick": options.quick, "machine": described, "seconds": 0, "topics": {}, "failed": {}}
     started = time.perf_counter()

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from rich.console import Console
 from rich.table import Table
 
 from benchmarks.spread import Spread
@@ -43,7 +45,8 @@ class Topic:
 
     def table(self) -> Table:
         """For a terminal."""
-        table = Table(title=f"{self.title} ({self.seconds:.0f} s)", title_justify="left")
+        title = f"{self.title} ({self.seconds:.0f} s)" if self.seconds else self.title
+        table = Table(title=title, title_justify="left")
         for key, header in self.columns.items():
             numeric = any(not isinstance(row.get(key), str | None) for row in self.rows)
             table.add_column(header, justify="right" if numeric else "left", overflow="fold")
@@ -78,6 +81,11 @@ class Topic:
             "seconds": round(self.seconds, 1),
             "rows": rows,
         }
+
+
+def console() -> Console:
+    """The terminal, or wide enough for the tables where there is none."""
+    return Console() if sys.stdout.isatty() else Console(width=130)
 
 
 def shown(value: Value) -> str:

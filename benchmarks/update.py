@@ -11,12 +11,11 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import torch
-from rich.console import Console
 
 from benchmarks import floor
 from benchmarks.configuration import compose
 from benchmarks.spread import Spread
-from benchmarks.topic import Row, Topic
+from benchmarks.topic import Row, Topic, console
 from src.algorithms.build import build_learner
 from src.algorithms.learner import Minibatches
 from src.config import ExperimentConfig
@@ -138,7 +137,7 @@ def main() -> None:
     parser.add_argument("--actor", nargs="+", default=list(ACTORS))
     arguments = parser.parse_args()
     result = _table(tuple(arguments.algo), tuple(arguments.env), tuple(arguments.actor), arguments.rounds)
-    Console().print(result.table())
+    console().print(result.table())
 
 
 if __name__ == "__main__":
