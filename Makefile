@@ -32,6 +32,11 @@ test-slurm: setup ## a real one-node Slurm from Debian's packages (root: install
 	command -v sbatch >/dev/null && command -v munged >/dev/null || apt-get install -y --no-install-recommends slurm-wlm munge
 	$(BIN)/python -m pytest -m slurm tests/slurm
 
+benchmark: setup ## speed against the floor and against others, on an idle machine (under 15 minutes)
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt ".[benchmarks]"
+	@rm -rf build *.egg-info
+	$(BIN)/python -m benchmarks
+
 check: setup ## ruff, mypy and the fast tests
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -41,4 +46,4 @@ check: setup ## ruff, mypy and the fast tests
 clean: ## remove caches (never results)
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis build *.egg-info
 
-.PHONY: help setup demo test test-long test-browser test-slurm check clean
+.PHONY: help setup demo test test-long test-browser test-slurm benchmark check clean

@@ -155,6 +155,20 @@ def _fused_backward(
     return g_input, gradients or [None] * len(parameters)
 
 
+@torch.no_grad()
+def _regression(
+    x: Tensor, target: Tensor, parameters: Sequence[Tensor], gradients: Sequence[Tensor]
+) -> tuple[Tensor, Tensor]:
+    """:meth:`EnsembleMLP.regress` in PyTorch's operators."""
+    hidden = _forward(x, parameters, final_relu=False)
+    error = hidden[-1].squeeze(-1) - target
+    g = (error * (2.0 / x.shape[0])).unsqueeze(-1)
+    for gradient, value in zip(gradients, _backward(g, hidden, parameters, False, (0, 0), to_parameters=True)[1]):
+        assert value is not None
+        gradient.copy_(value)
+    return hidden[-1].squeeze(-1), error.square().sum() / x.shape[0]
+
+
 def _fused_regression(
     x: Tensor, target: Tensor, parameters: Sequence[Tensor], gradients: Sequence[Tensor]
 ) -> tuple[Tensor, Tensor]:
@@ -217,7 +231,6 @@ class EnsembleMLP(nn.Module):
             parameters = [p.detach() for p in parameters]
         return ensemble_mlp(parameters, self.final_relu, first, second)
 
-    @torch.no_grad()
     def regress(self, x: Tensor, target: Tensor, gradients: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
         """One regression step of networks with one output each, without autograd.
 
@@ -229,16 +242,8 @@ class EnsembleMLP(nn.Module):
         Returns:
             The outputs ``[E, B]``, and ``sum over E of mean over B of (output - target)^2``.
         """
-        if _takes_kernel(x, self.parameter_pairs[0]):
-            return _fused_regression(x, target, self.parameter_pairs, gradients)
-        hidden = _forward(x, self.parameter_pairs, final_relu=False)
-        error = hidden[-1].squeeze(-1) - target
-        g = (error * (2.0 / x.shape[0])).unsqueeze(-1)
-        found = _backward(g, hidden, self.parameter_pairs, False, (0, 0), to_parameters=True)[1]
-        for gradient, value in zip(gradients, found):
-            assert value is not None
-            gradient.copy_(value)
-        return hidden[-1].squeeze(-1), error.square().sum() / x.shape[0]
+        regression = _fused_regression if _takes_kernel(x, self.parameter_pairs[0]) else _regression
+        return regression(x, target, self.parameter_pairs, gradients)
 
 
 def ensemble_mlp(parameters: Sequence[Tensor], final_relu: bool, first: Tensor, second: Tensor | None = None) -> Tensor:

@@ -59,7 +59,7 @@ def _add_bias(y, bias, relu):  # type: ignore[no-untyped-def]
         if relu:
             for j in range(bias.shape[0]):
                 value = row[j] + bias[j]
-                row[j] = value if value > ZERO else ZERO
+                row[j] = ZERO if value <= ZERO else value  # what is not a number stays so
         else:
             for j in range(bias.shape[0]):
                 row[j] = row[j] + bias[j]
@@ -71,7 +71,7 @@ def _mask(target, g, h):  # type: ignore[no-untyped-def]
         row, source, active = target[r], g[r], h[r]
         for j in range(row.shape[0]):
             value = source[j]  # loaded unconditionally, or the loop is not SIMD
-            row[j] = value if active[j] > ZERO else ZERO
+            row[j] = ZERO if active[j] <= ZERO else value
 
 
 def _sum_rows(g, total):  # type: ignore[no-untyped-def]

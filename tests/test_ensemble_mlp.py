@@ -135,6 +135,14 @@ def test_the_kernel_is_taken_for_float32(monkeypatch: pytest.MonkeyPatch, networ
         network.float()(torch.randn(2, 5))
 
 
+def test_what_is_not_a_number_is_not_hidden_by_a_relu(network: EnsembleMLP) -> None:
+    x = torch.full((4, 5), torch.nan, requires_grad=True)
+    y = network(x)
+    assert y.isnan().all()
+    g = torch.autograd.grad((y * torch.nan).sum(), x)[0]
+    assert g.isnan().all()
+
+
 @pytest.mark.parametrize("library", ["MKL of PyTorch", "BLAS of SciPy"])
 def test_both_libraries_multiply(library: str) -> None:
     """Each in a process of its own, since a process holds one."""

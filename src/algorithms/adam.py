@@ -28,10 +28,9 @@ class FlatAdam:
         moments = ([self.first_moment], [self.second_moment])
         self._lists: tuple[list[Tensor], ...] = ([values], [gradient], *moments, [], [self.steps])
 
-    @torch.no_grad()
     def step(self) -> None:
         """One update with the gradient as it stands."""
-        self.steps += 1
+        self.steps.add_(1)
         torch._fused_adam_(
             *self._lists,
             lr=self.learning_rate,
