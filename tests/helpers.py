@@ -58,11 +58,11 @@ class Silent:
     """A progress display that remembers instead of showing."""
 
     def __init__(self) -> None:
-        self.steps: list[int] = []
+        self.rates: list[float] = []
         self.notes: list[str] = []
 
     def update(self, step: int, last_return: float | None, steps_per_second: float) -> None:
-        self.steps.append(step)
+        self.rates.append(steps_per_second)
 
     def note(self, text: str) -> None:
         self.notes.append(text)

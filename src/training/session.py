@@ -81,6 +81,7 @@ class TrainingSession:
         self.checkpoints = CheckpointFolder(run.state)
         self.interval = IntervalMeans()
         self.interval_seconds = 0.0
+        self.rate = 0.0  # environment steps per second, for display
         self.flushed = 0  # transitions known to be on the disk
         self.step = 0
         self.last_return: float | None = None
@@ -179,8 +180,11 @@ class TrainingSession:
         self.interval_seconds = 0.0
 
     def _steps_per_second(self) -> float:
+        """Since the last evaluation; right after one, the rate of the interval before it."""
         steps = self.step % self.config.protocol.evaluation_interval or self.config.protocol.evaluation_interval
-        return steps / self.interval_seconds if self.interval_seconds > 0 else 0.0
+        if self.interval_seconds > 0:
+            self.rate = steps / self.interval_seconds
+        return self.rate
 
     def _training_row(self) -> dict[str, float | None]:
         """One row of ``training.csv`` (docs/run-directory.md)."""

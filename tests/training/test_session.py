@@ -152,6 +152,13 @@ def test_the_initial_policy_is_evaluated_and_the_episodes_are_those_asked_for(tm
     assert table["length"].between(1, 60).all()
 
 
+def test_the_rate_shown_right_after_an_evaluation_is_not_zero(tmp_path: Path) -> None:
+    with claim(tiny(tmp_path, actor="aan")) as (directory, _):
+        progress = Silent()
+        TrainingSession(tiny(tmp_path, actor="aan"), directory, progress).loop(lambda: False)
+    assert len(progress.rates) == 9 and min(progress.rates) > 0
+
+
 def test_evaluating_more_often_moves_no_training_number(tmp_path: Path) -> None:
     _, rare = run(tiny(tmp_path / "rare", {"protocol.evaluation_interval": 450}))
     _, often = run(tiny(tmp_path / "often", {"protocol.evaluation_interval": 50, "protocol.evaluation_episodes": 1}))
