@@ -19,6 +19,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from src.algorithms.td3 import target_groups
 from src.config import ExperimentConfig, SACConfig, SpikingActorConfig
 
 
@@ -58,9 +59,9 @@ def _mlp(rows: int, sizes: Sequence[int]) -> list[_Layer]:
     return [_Layer(rows, i, o) for i, o in pairwise(sizes)]
 
 
-def _actor(config: ExperimentConfig, observation_size: int, action_size: int) -> tuple[list[_Layer], bool]:
+def _actor(config: ExperimentConfig, observation_size: int, action_size: int, batch: int) -> tuple[list[_Layer], bool]:
     """Layers of the actor, and whether its input learns (the encoder's receptive fields)."""
-    actor, batch = config.actor, config.algo.batch_size
+    actor = config.actor
     if not isinstance(actor, SpikingActorConfig):
         return _mlp(batch, (observation_size, *actor.hidden_sizes, action_size)), False  # type: ignore[union-attr]
     rows, d = batch * actor.time_steps, actor.dendritic.branches
@@ -86,19 +87,25 @@ def _all_backward(layers: list[_Layer], *, weights: bool, to_input: bool) -> lis
 
 
 def products_of_a_burst(config: ExperimentConfig, observation_size: int, action_size: int) -> list[Product]:
-    """The products of ``protocol.update_every`` updates, in their order."""
-    batch, algo = config.algo.batch_size, config.algo
+    """The products of ``protocol.update_every`` updates, in their order; targets group by group, as the learners do."""
+    batch, algo, count = config.algo.batch_size, config.algo, config.protocol.update_every
+    groups = list(target_groups(count, getattr(algo, "policy_delay", 1)))
     sizes = (observation_size + action_size, *algo.critic_hidden_sizes, 1)
-    critics, targets = [_mlp(batch, sizes) for _ in range(2)], [_mlp(batch, sizes) for _ in range(2)]
-    (actor, encoder_learns), (next_actor, _) = (_actor(config, observation_size, action_size) for _ in range(2))
-    log_std: list[_Layer] = []
+    log_std_sizes: tuple[int, ...] = ()
     if isinstance(algo, SACConfig):
         shared = algo.log_std_network == "shared"
         hidden = (algo.critic_hidden_sizes[-1],) if shared else (observation_size, *algo.log_std_hidden_sizes)
-        log_std = _mlp(batch, (*hidden, action_size))
-    critic_step = [*_all_forward(next_actor), *_all_forward(log_std)]
-    for network in targets:
-        critic_step += _all_forward(network)
+        log_std_sizes = (*hidden, action_size)
+
+    def targets(rows: int) -> list[Product]:
+        networks = [_actor(config, observation_size, action_size, rows)[0], _mlp(rows, log_std_sizes)]
+        return [p for layers in (*networks, _mlp(rows, sizes), _mlp(rows, sizes)) for p in _all_forward(layers)]
+
+    target_step = {length: targets(length * batch) for length in {len(group) for group in groups}}
+    critics = [_mlp(batch, sizes) for _ in range(2)]
+    actor, encoder_learns = _actor(config, observation_size, action_size, batch)
+    log_std = _mlp(batch, log_std_sizes)
+    critic_step: list[Product] = []
     for network in critics:
         critic_step += [*_all_forward(network), *_all_backward(network, weights=True, to_input=False)]
     actor_step = [*_all_forward(actor), *_all_forward(log_std)]
@@ -110,10 +117,11 @@ def products_of_a_burst(config: ExperimentConfig, observation_size: int, action_
         actor_step += below
     actor_step += _all_backward(actor, weights=True, to_input=encoder_learns)
     actor_step += _all_backward(log_std, weights=True, to_input=False)
-    delay = getattr(algo, "policy_delay", 1)
     burst: list[Product] = []
-    for index in range(config.protocol.update_every):
-        burst += critic_step + (actor_step if index % delay == 0 else [])
+    for group in groups:
+        burst += target_step[len(group)]
+        for index in group:
+            burst += critic_step + (actor_step if index % getattr(algo, "policy_delay", 1) == 0 else [])
     return burst
 
 

@@ -27,9 +27,9 @@ def installed() -> bool:
 def stable_baselines3(turns: Turns, config: ExperimentConfig, evaluation_env: EnvConfig, folder: Path) -> None:
     """A runner; times the parts ``evaluation`` (episode after episode, its default) and ``side by side``.
 
-    The same bursts as ours (``train_freq = gradient_steps = update_every``), which are a little faster than its default
-    of one update after each step; side by side are the evaluation's episodes in one vector environment, as fast as its
-    user can make them; logs to CSV; no normalisation of observations: it leaves that to a wrapper.
+    The same bursts as ours (``train_freq = gradient_steps = update_every``); side by side are the evaluation's episodes
+    in one vector environment, as fast as its user can make them; logs to CSV; no normalisation of observations: it
+    leaves that to a wrapper.
     """
     from stable_baselines3.common.callbacks import BaseCallback
     from stable_baselines3.common.evaluation import evaluate_policy

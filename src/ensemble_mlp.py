@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 import torch
 from torch import Tensor, nn
+from torch.autograd.function import once_differentiable
 
 from src.actors.kernels import takes_kernel
 from src.ensemble_mlp_kernel import backward_kernel, forward_kernel, regress_kernel
@@ -39,6 +40,7 @@ class _EnsembleMLPFunction(torch.autograd.Function):
         return hidden[-1]
 
     @staticmethod
+    @once_differentiable
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
         saved = ctx.saved_tensors
         hidden, parameters = saved[: -ctx.parameters], saved[-ctx.parameters :]
@@ -116,7 +118,9 @@ def _addresses(tensors: Sequence[Tensor]) -> np.ndarray:
 
 
 def _shape(x: Tensor, parameters: Sequence[Tensor]) -> tuple[int, int, np.ndarray]:
-    """E, B and the layer sizes."""
+    """E, B and the layer sizes; the kernels check nothing themselves."""
+    if x.shape[1] != parameters[0].shape[1]:
+        raise ValueError(f"the input has {x.shape[1]} columns, the first layer takes {parameters[0].shape[1]}")
     sizes = np.array([x.shape[1], *(bias.shape[2] for bias in parameters[1::2])], np.int64)
     return parameters[0].shape[0], x.shape[0], sizes
 
@@ -129,7 +133,7 @@ def _fused_forward(x: Tensor, parameters: Sequence[Tensor], final_relu: bool, ke
     """:func:`_outputs` of one input for all networks, ``[B, in]``."""
     x, parameters = x.contiguous(), _contiguous(parameters)
     ensemble, batch, sizes = _shape(x, parameters)
-    outputs = [torch.empty(ensemble, batch, b.shape[2]) for b in (parameters[1::2] if keep else parameters[-1:])]
+    outputs = [x.new_empty(ensemble, batch, b.shape[2]) for b in (parameters[1::2] if keep else parameters[-1:])]
     addresses = np.zeros(len(sizes), np.int64)
     addresses[0], addresses[-len(outputs) :] = x.data_ptr(), [y.data_ptr() for y in outputs]
     forward_kernel()(ensemble, batch, sizes, _addresses(parameters), addresses, final_relu)
@@ -147,9 +151,9 @@ def _fused_backward(
     """:func:`_backward` of :func:`_fused_forward`."""
     g, parameters = g.contiguous(), _contiguous(parameters)
     ensemble, batch, sizes = _shape(hidden[0], parameters)
-    gradients = [torch.empty(p.shape) for p in parameters] if to_parameters else []
+    gradients = [torch.empty_like(p) for p in parameters] if to_parameters else []
     start, stop = columns
-    g_input = torch.empty(batch, stop - start)
+    g_input = g.new_empty(batch, stop - start)
     addresses = (_addresses(parameters), _addresses(hidden), g.data_ptr(), final_relu, _addresses(gradients))
     backward_kernel()(ensemble, batch, sizes, *addresses, g_input.data_ptr() if stop > start else 0, start, stop)
     return g_input, gradients or [None] * len(parameters)
@@ -175,8 +179,8 @@ def _fused_regression(
     """:meth:`EnsembleMLP.regress` in one call; the gradients are contiguous."""
     x, parameters = x.contiguous(), _contiguous(parameters)
     ensemble, batch, sizes = _shape(x, parameters)
-    hidden = [x, *(torch.empty(ensemble, batch, b.shape[2]) for b in parameters[1::2])]
-    loss = torch.empty(1)
+    hidden = [x, *(x.new_empty(ensemble, batch, b.shape[2]) for b in parameters[1::2])]
+    loss = x.new_empty(1)
     addresses = (_addresses(parameters), _addresses(hidden), _addresses(gradients))
     regress_kernel()(ensemble, batch, sizes, *addresses, target.contiguous().numpy(), loss.numpy())
     return hidden[-1].squeeze(-1), loss[0]
@@ -210,6 +214,7 @@ class EnsembleMLP(nn.Module):
                 bias[e].uniform_(-bound, bound, generator=streams.torch("initialisation", f"{name}.{e}.{k}.bias"))
             self.weights.append(nn.Parameter(weight))
             self.biases.append(nn.Parameter(bias))
+        # A ParameterList is slow to walk; whoever replaces a parameter (rather than its data) has to do so here too.
         self.parameter_pairs = tuple(p for pair in zip(self.weights, self.biases) for p in pair)
         self.final_relu = final_relu
 
@@ -242,6 +247,9 @@ class EnsembleMLP(nn.Module):
         Returns:
             The outputs ``[E, B]``, and ``sum over E of mean over B of (output - target)^2``.
         """
+        outputs, shapes = self.biases[-1].shape[2], [(g.shape, g.is_contiguous()) for g in gradients]
+        if outputs != 1 or target.shape != x.shape[:1] or shapes != [(p.shape, True) for p in self.parameter_pairs]:
+            raise ValueError("a regression takes networks with one output, a target [B] and a gradient per parameter")
         regression = _fused_regression if _takes_kernel(x, self.parameter_pairs[0]) else _regression
         return regression(x, target, self.parameter_pairs, gradients)
 

@@ -40,9 +40,10 @@ def _floats(typing_context, address):  # type: ignore[no-untyped-def]
     return signature, code
 
 
+@njit(error_model="numpy")
 def _product(n, m, k, a, lda, a_transposed, b, ldb, b_transposed, c, ldc, accumulate):  # type: ignore[no-untyped-def]
     """``C[n, m] (+)= op(A)[n, k] op(B)[k, m]``, row by row: Fortran's ``C^T = op(B)^T op(A)^T``."""
-    sizes = np.array([m, n, k, ldb, lda, ldc], np.int32)
+    sizes = np.array([m, n, k, ldb, lda, ldc], np.int64)
     factors = np.array([1, accumulate], np.float32)
     flags = np.array([ord("T") if b_transposed else ord("N"), ord("T") if a_transposed else ord("N")], np.uint8)
     sgemm(
@@ -52,6 +53,7 @@ def _product(n, m, k, a, lda, a_transposed, b, ldb, b_transposed, c, ldc, accumu
     )  # fmt: skip
 
 
+@njit(error_model="numpy")
 def _add_bias(y, bias, relu):  # type: ignore[no-untyped-def]
     """``y = relu(y + bias)``, or without the ReLU; shapes ``[B, n]``, ``[n]``."""
     for r in range(y.shape[0]):
@@ -65,6 +67,7 @@ def _add_bias(y, bias, relu):  # type: ignore[no-untyped-def]
                 row[j] = row[j] + bias[j]
 
 
+@njit(error_model="numpy")
 def _mask(target, g, h):  # type: ignore[no-untyped-def]
     """``target = g * 1[h > 0]``; shapes ``[B, n]``; the target may be g."""
     for r in range(g.shape[0]):
@@ -74,6 +77,7 @@ def _mask(target, g, h):  # type: ignore[no-untyped-def]
             row[j] = ZERO if active[j] <= ZERO else value
 
 
+@njit(error_model="numpy")
 def _sum_rows(g, total):  # type: ignore[no-untyped-def]
     """``total = sum over B of g``; shapes ``[B, n]``, ``[n]``."""
     for j in range(total.shape[0]):
@@ -84,6 +88,7 @@ def _sum_rows(g, total):  # type: ignore[no-untyped-def]
             total[j] = total[j] + row[j]
 
 
+@njit(error_model="numpy")
 def _forward(E, B, sizes, parameters, hidden, final_relu):  # type: ignore[no-untyped-def]
     """Fill ``hidden[1:]``, the last of which is the output; those between that are 0 are not kept."""
     layers = sizes.shape[0] - 1
@@ -101,6 +106,7 @@ def _forward(E, B, sizes, parameters, hidden, final_relu):  # type: ignore[no-un
             x = y
 
 
+@njit(error_model="numpy")
 def _backward(  # type: ignore[no-untyped-def]
     E, B, sizes, parameters, hidden, output_gradient, final_relu, gradients, input_gradient, input_start, input_stop
 ):  # fmt: skip
@@ -151,20 +157,16 @@ def _regress(E, B, sizes, parameters, hidden, gradients, target, loss):  # type:
     _backward(E, B, sizes, parameters, hidden, int64(g.ctypes.data), 0, gradients, 0, 0, 0)
 
 
-for _function in (_product, _add_bias, _mask, _sum_rows, _forward, _backward):
-    globals()[_function.__name__] = njit(error_model="numpy")(_function)
-
-
 @cache
 def forward_kernel() -> Callable[..., None]:
     """The compiled networks."""
-    return compiled(_forward.py_func, _FORWARD)  # type: ignore[attr-defined]
+    return compiled(_forward.py_func, _FORWARD)
 
 
 @cache
 def backward_kernel() -> Callable[..., None]:
     """The compiled gradient."""
-    return compiled(_backward.py_func, _BACKWARD)  # type: ignore[attr-defined]
+    return compiled(_backward.py_func, _BACKWARD)
 
 
 @cache

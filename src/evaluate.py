@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from src.config import ConfigurationError
+from src.experiment import threads
 
 
 def parse() -> argparse.Namespace:
@@ -45,6 +46,7 @@ def policy_path(run: Path) -> Path:
 
 def play(path: Path, episodes: int, seed: int) -> list[tuple[float, int]]:
     """``(return, length)`` per episode. The episodes differ from all those of the run's own evaluations."""
+    threads.set_before_torch(1)
     from src.streams import Streams
     from src.training.evaluation import Evaluator
     from src.training.numerics import set_numerics

@@ -12,6 +12,7 @@ import numpy as np
 import torch
 import torch.nn.functional as F
 from torch import Tensor
+from torch.autograd.function import once_differentiable
 
 from src.actors.kernels import takes_kernel
 from src.algorithms.tanh_gaussian_kernel import gradient_kernel, sample_kernel
@@ -37,7 +38,8 @@ def tanh_gaussian(mean: Tensor, log_std: Tensor, noise: Tensor, action_limit: fl
     Returns:
         actions ``[B, M]`` and log-probabilities ``[B]``.
     """
-    if all(takes_kernel(x) for x in (mean, log_std, noise)):
+    parts = (mean, log_std, noise)
+    if all(takes_kernel(x) and x.shape == mean.shape for x in parts) and not noise.requires_grad:
         result: tuple[Tensor, Tensor] = _TanhGaussian.apply(mean, log_std, noise, action_limit)  # type: ignore[no-untyped-call]
         return result
     return tanh_gaussian_reference(mean, log_std, noise, action_limit)
@@ -56,8 +58,8 @@ class _TanhGaussian(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, mean: Tensor, log_std: Tensor, noise: Tensor, limit: float) -> tuple[Tensor, Tensor]:
-        action, squashed, spread = (torch.empty(mean.shape) for _ in range(3))
-        log_probability = torch.empty(mean.shape[0])
+        action, squashed, spread = (mean.new_empty(mean.shape) for _ in range(3))
+        log_probability = mean.new_empty(mean.shape[0])
         inputs = (x.detach().contiguous().numpy() for x in (mean, log_std, noise))
         outputs = (x.numpy() for x in (action, log_probability, squashed, spread))
         sample_kernel()(*inputs, np.float32(limit), *outputs)
@@ -66,6 +68,7 @@ class _TanhGaussian(torch.autograd.Function):
         return action, log_probability
 
     @staticmethod
+    @once_differentiable
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, Tensor, None, None]:
         squashed, spread = ctx.saved_tensors
         grad_mean, grad_log_std = torch.empty_like(squashed), torch.empty_like(squashed)

@@ -5,6 +5,8 @@ Independent oracle: TorchRL's ``TD3Loss`` (``tests/algorithms/test_td3.py``).
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import torch
 from torch import Tensor
 
@@ -14,11 +16,23 @@ def smoothed_target_action(action: Tensor, noise: Tensor, noise_clip: float, act
     return (action + noise.clamp(-noise_clip, noise_clip)).clamp_(-action_limit, action_limit)
 
 
+def target_groups(count: int, delay: int) -> Iterator[range]:
+    """The updates of a burst, grouped by the target networks that they see.
+
+    The targets move after every update whose index is a multiple of the delay: with 2, before 1, 3, 5, ...
+    """
+    start = 0
+    for last in [*range(0, count, delay), count - 1]:
+        if start <= last:
+            yield range(start, last + 1)
+        start = last + 1
+
+
 def bellman_target(reward: Tensor, terminated: Tensor, next_values: Tensor, discount: float) -> Tensor:
-    """``y = r + gamma (1 - terminated) min(Q1', Q2')``, ``[B]``.
+    """``y = r + gamma (1 - terminated) min(Q1', Q2')``, ``[..., B]``.
 
     ``terminated`` is 1 where the episode ended by itself; a time limit is bootstrapped through.
-    ``next_values`` is ``[2, B]``.
+    ``next_values`` is ``[2, ..., B]``, the others ``[..., B]``.
     """
     return torch.addcmul(reward, 1.0 - terminated, torch.minimum(*next_values.unbind()), value=discount)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import math
 
 import torch
 from torch import Tensor
@@ -58,26 +57,23 @@ class TD3Learner(Learner):
     def update(self, burst: Minibatches) -> dict[str, float]:
         """See :meth:`Learner.update`; the actor's delay counter starts anew with each burst [SU]."""
         c, record = self.config, BurstRecord()
-        noise = torch.randn(burst.action.shape, generator=self.streams.target_noise)
-        smoothing = (c.target_noise * noise).clamp_(-c.target_noise_clip, c.target_noise_clip).to(burst.action.device)
-        inputs = torch.cat([burst.observation, burst.action], dim=-1)
-        stop = 0
-        for index, observation in enumerate(burst.observation.unbind()):
-            if index == stop:  # the target networks stand still until the actor's next update has been made
-                start, stop = index, min(len(inputs), math.ceil(index / c.policy_delay) * c.policy_delay + 1)
-                targets = self._bellman_targets(burst, smoothing, slice(start, stop))
-            self.critic_step(inputs[index], targets[index - start], record)
-            if index % c.policy_delay == 0:
-                self._update_actor(observation, record, with_health=index == 0)
+        noise = c.target_noise * torch.randn(burst.action.shape, generator=self.streams.target_noise)
+        noise, inputs = noise.to(burst.action.device), torch.cat([burst.observation, burst.action], dim=-1)
+        for group in td3.target_groups(len(inputs), c.policy_delay):
+            targets = self._bellman_targets(burst, noise, slice(group.start, group.stop))
+            for index, target in zip(group, targets):
+                self.critic_step(inputs[index], target, record)
+                if index % c.policy_delay == 0:
+                    self._update_actor(burst.observation[index], record, with_health=index == 0)
         return record.means()
 
     @torch.no_grad()
-    def _bellman_targets(self, burst: Minibatches, smoothing: Tensor, chosen: slice) -> Tensor:
+    def _bellman_targets(self, burst: Minibatches, noise: Tensor, chosen: slice) -> Tensor:
         """Targets ``[k, B]`` of k minibatches at once, where the same target networks serve them."""
         next_observation = burst.next_observation[chosen].flatten(0, 1)
         next_action = td3.smoothed_target_action(
             self.target_policy(next_observation, self.streams.encoder),
-            smoothing[chosen].flatten(0, 1),
+            noise[chosen].flatten(0, 1),
             self.config.target_noise_clip,
             self.action_limit,
         )

@@ -11,7 +11,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 
-_DISTRIBUTIONS = ("torch", "torchrl", "tensordict", "gymnasium", "mujoco", "numpy", "numba")
+_DISTRIBUTIONS = ("torch", "torchrl", "tensordict", "gymnasium", "mujoco", "numpy", "numba", "scipy")
 
 
 def versions() -> dict[str, str | None]:

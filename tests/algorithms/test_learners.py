@@ -12,7 +12,9 @@ from torch import Tensor, nn
 from src.algorithms.build import build_learner
 from src.algorithms.critic import TwinCritic
 from src.algorithms.learner import Learner, Minibatches
+from src.algorithms.metrics import Diverged
 from src.algorithms.sac_learner import SACLearner
+from src.algorithms.td3 import target_groups
 from src.algorithms.td3_learner import TD3Learner
 from src.streams import Streams
 from tests.helpers import make_config
@@ -21,8 +23,10 @@ N, M, SEED = 5, 3, 3
 SMALL = {"actor.hidden_sizes": [32, 32], "algo.critic_hidden_sizes": [32, 32]}
 
 
-def make_learner(algo: str, actor: str, encoder: str) -> Learner:
-    return build_learner(make_config(SMALL, algo=algo, actor=actor, encoder=encoder), N, M, 1.0, Streams(SEED))
+def make_learner(algo: str, actor: str, encoder: str, **overrides: object) -> Learner:
+    return build_learner(
+        make_config(SMALL | overrides, algo=algo, actor=actor, encoder=encoder), N, M, 1.0, Streams(SEED)
+    )
 
 
 def make_burst(seed: int, count: int = 7, batch: int = 20) -> Minibatches:
@@ -72,9 +76,10 @@ def assert_same(ours: nn.Module, theirs: nn.Module, tolerance: float = 2e-5) -> 
         torch.testing.assert_close(a, b, rtol=0, atol=tolerance)
 
 
+@pytest.mark.parametrize("delay", [1, 2, 3])
 @pytest.mark.parametrize("actor,encoder", [("aan", "task"), ("bptsan", "deterministic"), ("bptsan", "poisson")])
-def test_td3_is_spinning_ups_loop(actor: str, encoder: str) -> None:
-    learner = make_learner("td3", actor, encoder)
+def test_td3_is_spinning_ups_loop(actor: str, encoder: str, delay: int) -> None:
+    learner = make_learner("td3", actor, encoder, **{"algo.policy_delay": delay})
     assert isinstance(learner, TD3Learner)
     pi, q = copy.deepcopy(learner.policy.actor), NaiveCritics(learner.critic)
     target_pi, target_q = copy.deepcopy(pi), copy.deepcopy(q)
@@ -83,21 +88,29 @@ def test_td3_is_spinning_ups_loop(actor: str, encoder: str) -> None:
     critic_adam = torch.optim.Adam(q.parameters(), lr=1e-3)
     for burst in (make_burst(1), make_burst(2)):  # odd lengths: the delay counter starts anew with the second
         noise = 0.2 * torch.randn(burst.action.shape, generator=smoothing)
+        recorded: list[list[float]] = []
         for index, (o, a, r, o2, d) in enumerate(zip(*burst)):
             with torch.no_grad():
-                if index == 0 or index % 2 == 1:  # the targets have moved: spikes for the minibatches that they serve
-                    first, group = index, burst.next_observation[index : index + 1 + index % 2]
+                if index == 0 or (index - 1) % delay == 0:  # the targets have moved: spikes for all that they serve
+                    first, group = index, burst.next_observation[index : index + (delay if index else 1)]
                     served = torch.tanh(target_pi(group.flatten(0, 1), draws)).unflatten(0, (-1, len(o2)))
                 a2 = (served[index - first] + noise[index].clamp(-0.5, 0.5)).clamp(-1, 1)
                 y = r + 0.99 * (1 - d) * torch.min(*target_q(o2, a2))
-            step(critic_adam, sum(((value - y) ** 2).mean() for value in q(o, a)))  # type: ignore[arg-type]
-            if index % 2 == 0:
+            values = q(o, a)
+            loss = sum(((value - y) ** 2).mean() for value in values)
+            step(critic_adam, loss)  # type: ignore[arg-type]
+            recorded.append([float(loss), *(float(value.mean()) for value in values)])  # type: ignore[arg-type]
+            if index % delay == 0:
                 step(actor_adam, -q(o, torch.tanh(pi(o, draws)))[0].mean())
                 pi.project()
                 polyak(target_pi, pi)
                 polyak(target_q, q)
-        learner.update(burst)
-    assert (learner.critic_updates, learner.actor_updates) == (14, 8)
+        report = learner.update(burst)
+        means = torch.tensor(recorded).mean(0)
+        torch.testing.assert_close(
+            torch.tensor([report[k] for k in ("critic_loss", "q1", "q2")]), means, rtol=1e-3, atol=1e-4
+        )
+    assert (learner.critic_updates, learner.actor_updates) == (14, 2 * math.ceil(7 / delay))
     assert_same(learner.policy.actor, pi)
     assert_same(learner.target_policy.actor, target_pi)
     assert_same(NaiveCritics(learner.critic), q)
@@ -172,3 +185,19 @@ def test_sigma_is_projected_after_an_actor_step() -> None:
         learner.policy.actor.encoder.std.fill_(1e-9)
     learner.update(make_burst(1, count=1))
     assert float(learner.policy.actor.encoder.std.min()) >= 1e-3 - 1e-9
+
+
+@pytest.mark.parametrize("algo", ["td3", "sac"])
+def test_a_loss_that_is_not_finite_ends_the_burst(algo: str) -> None:
+    burst = make_burst(1)
+    burst.reward[3, 5] = torch.inf
+    with pytest.raises(Diverged, match="critic_loss"):
+        make_learner(algo, "aan", "task").update(burst)
+
+
+@pytest.mark.parametrize("count,delay", [(7, 2), (50, 2), (5, 1), (8, 3), (1, 4)])
+def test_a_group_of_targets_ends_with_the_update_that_moves_them(count: int, delay: int) -> None:
+    groups = list(target_groups(count, delay))
+    assert [index for group in groups for index in group] == list(range(count))
+    assert all(group[-1] % delay == 0 for group in groups[:-1])
+    assert not any(index % delay == 0 for group in groups for index in group[:-1])

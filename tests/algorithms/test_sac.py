@@ -124,3 +124,12 @@ def test_a_sample_may_be_asked_for_one_of_its_two_parts() -> None:
         theirs = torch.autograd.grad(sac.tanh_gaussian_reference(*inputs, noise, 1.0)[part].sum(), inputs)
         for a, b in zip(ours, theirs):
             torch.testing.assert_close(a, b)
+
+
+def test_parts_of_other_shapes_are_broadcast() -> None:
+    mean, log_std, noise = torch.randn(4, 3), torch.randn(1, 3), torch.randn(4, 3)
+    for ours, theirs in zip(
+        sac.tanh_gaussian(mean, log_std, noise, 1.0),
+        sac.tanh_gaussian_reference(mean, log_std.expand(4, 3), noise, 1.0),
+    ):
+        torch.testing.assert_close(ours, theirs)
