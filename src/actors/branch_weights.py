@@ -7,11 +7,11 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from src.actors.branch_kernel import gather_kernel, spread_kernel
 from src.actors.kernels import takes_kernel
+from src.actors.lif_kernel import gather_kernel, spread_kernel
 
 
-class BranchWeights(torch.autograd.Function):
+def spread(weight: Tensor, branch: Tensor, branches: int) -> Tensor:
     """``W_m = M_m * W``: the masked weight matrix of each branch m, one below the other.
 
     Args:
@@ -20,31 +20,42 @@ class BranchWeights(torch.autograd.Function):
         branches: d.
 
     Returns:
-        ``[d*n, inputs]``; the gradient of a synapse is the gradient at its own branch.
+        ``[d*n, inputs]``: each weight at its branch, 0 at the others; without gradient.
     """
+    weight = weight.detach()
+    if takes_kernel(weight):
+        matrices = torch.empty(branches, *weight.shape)
+        spread_kernel()(weight.contiguous().numpy(), branch.numpy(), matrices.numpy())
+        return matrices.flatten(0, 1)
+    zero = weight.new_zeros(())
+    return torch.cat([torch.where(branch == index, weight, zero) for index in range(branches)])
+
+
+def gather(grad: Tensor, branch: Tensor, branches: int) -> Tensor:
+    """The gradient at each synapse's own branch, ``[d*n, inputs] -> [n, inputs]``; arguments as for spreading."""
+    parts = grad.unflatten(0, (branches, -1))
+    if takes_kernel(parts):
+        gathered = torch.empty(branch.shape)
+        gather_kernel()(gathered.numpy(), branch.numpy(), parts.contiguous().numpy())
+        return gathered
+    gathered = parts[0]
+    for index in range(1, branches):
+        gathered = torch.where(branch == index, parts[index], gathered)
+    return gathered
+
+
+class BranchWeights(torch.autograd.Function):
+    """:func:`spread` with its gradient."""
 
     @staticmethod
     def forward(ctx: Any, weight: Tensor, branch: Tensor, branches: int) -> Tensor:
         """Each weight at its branch, 0 at the others."""
         ctx.save_for_backward(branch)
         ctx.branches = branches
-        if takes_kernel(weight):
-            spread = torch.empty(branches, *weight.shape)
-            spread_kernel()(weight.detach().contiguous().numpy(), branch.numpy(), spread.numpy())
-            return spread.flatten(0, 1)
-        zero = weight.new_zeros(())
-        return torch.cat([torch.where(branch == index, weight, zero) for index in range(branches)])
+        return spread(weight, branch, branches)
 
     @staticmethod
     def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor, None, None]:
         """The gradient at each synapse's own branch."""
         (branch,) = ctx.saved_tensors
-        parts = grads[0].unflatten(0, (ctx.branches, -1))
-        if takes_kernel(parts):
-            gathered = torch.empty(branch.shape)
-            gather_kernel()(gathered.numpy(), branch.numpy(), parts.contiguous().numpy())
-            return gathered, None, None
-        gathered = parts[0]
-        for index in range(1, ctx.branches):
-            gathered = torch.where(branch == index, parts[index], gathered)
-        return gathered, None, None
+        return gather(grads[0], branch, ctx.branches), None, None

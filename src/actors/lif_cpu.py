@@ -59,9 +59,9 @@ def _scan(
     z = currents.detach().contiguous().numpy().reshape(steps, samples, branches, neurons)
     forward_kernel()(
         z,
-        _zero_row(neurons) if bias is None else _array(bias),
-        _no_rows(neurons) if lateral is None else _array(lateral),
-        _offsets(tuple(offsets)),
+        _zero_row(neurons) if bias is None else as_array(bias),
+        no_rows(neurons) if lateral is None else as_array(lateral),
+        offsets_array(offsets),
         *(np.float32(constant) for constant in constants),
         spikes.numpy(),
         potentials,
@@ -84,12 +84,12 @@ def backward(
     grad_currents = spikes.new_empty(steps, samples, branches * neurons)
     grad_bias, grad_lateral = spikes.new_zeros(neurons), spikes.new_zeros(len(offsets), neurons)
     backward_kernel()(
-        _array(grad),
+        as_array(grad),
         spikes.numpy(),
         potentials.numpy(),
         branch.numpy(),
-        _no_rows(neurons) if lateral is None else _array(lateral),
-        _offsets(tuple(offsets)),
+        no_rows(neurons) if lateral is None else as_array(lateral),
+        offsets_array(offsets),
         *(np.float32(constant) for constant in constants),
         grad_currents.numpy().reshape(steps, samples, branches, neurons),
         grad_bias.numpy(),
@@ -98,8 +98,14 @@ def backward(
     return grad_currents, grad_bias, grad_lateral
 
 
-def _array(tensor: Tensor) -> np.ndarray:
+def as_array(tensor: Tensor) -> np.ndarray:
+    """Its values, contiguous."""
     return tensor.detach().contiguous().numpy()
+
+
+def offsets_array(offsets: Sequence[int]) -> np.ndarray:
+    """The offsets of neighbours as the kernels take them."""
+    return _offsets(tuple(offsets))
 
 
 @cache
@@ -113,7 +119,8 @@ def _zero_row(neurons: int) -> np.ndarray:
 
 
 @cache
-def _no_rows(neurons: int) -> np.ndarray:
+def no_rows(neurons: int) -> np.ndarray:
+    """Lateral weights of a layer without them."""
     return np.zeros((0, neurons), np.float32)
 
 

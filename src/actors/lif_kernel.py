@@ -1,4 +1,6 @@
-"""The fused spiking layer on the CPU: :func:`src.actors.lif.lif_reference` and its gradient by hand, in Numba.
+"""The spiking layer on the CPU, in Numba: :func:`src.actors.lif.lif_reference` and its gradient by hand, alone and in
+one call with what surrounds them in a layer: the spreading of the weights over the branches, and the products, from
+BLAS. There the currents and their gradient, the layer's largest arrays, live inside the call only.
 
 One sample after the other runs through all T steps, so that its state (a few rows of n numbers) stays in the cache.
 Each equation is one pass over a row, small enough for LLVM to check that its arrays do not overlap and then to use
@@ -15,8 +17,10 @@ import numpy as np
 from numba import float32, int8, int64, njit, void
 
 from src.actors.kernels import compiled
+from src.blas import sgemm
 
 ZERO, ONE = np.float32(0), np.float32(1)
+SIZE = np.dtype(str(sgemm.sig.args[2].dtype)).type  # of the integers that BLAS takes
 
 _ROW, _ROWS, _STEPS = float32[::1], float32[:, ::1], float32[:, :, ::1]
 _CURRENTS, _BRANCH, _OFFSETS = float32[:, :, :, ::1], int8[:, :, ::1], int64[::1]
@@ -24,6 +28,14 @@ _FORWARD = void(_CURRENTS, _ROW, _ROWS, _OFFSETS, float32, float32, float32, _ST
 _BACKWARD = void(
     _STEPS, _STEPS, _STEPS, _BRANCH, _ROWS, _OFFSETS, float32, float32, float32, float32, float32, float32,
     _CURRENTS, _ROW, _ROWS,
+)  # fmt: skip
+_SPREAD = void(_ROWS, int8[:, ::1], _STEPS)
+_LAYER_FORWARD = void(
+    _ROWS, _ROWS, int8[:, ::1], _ROWS, _ROW, _ROWS, _OFFSETS, float32, float32, float32, _STEPS, _STEPS, _BRANCH
+)
+_LAYER_BACKWARD = void(
+    _STEPS, _ROWS, int8[:, ::1], _ROWS, _STEPS, _STEPS, _BRANCH, _ROWS, _OFFSETS, float32, float32, float32, float32,
+    float32, float32, _ROWS, _ROWS, _ROWS, _ROW, _ROWS,
 )  # fmt: skip
 
 
@@ -204,21 +216,129 @@ def _backward(  # type: ignore[no-untyped-def]
                     _branch_gradient(grad_currents[t, b, m], gc, branches[t, b], np.int8(m))
 
 
+def _spread(weight, branch, spread):  # type: ignore[no-untyped-def]
+    """``spread[m] = weight where branch == m, else 0``; shapes ``[n, inputs]``, ``[n, inputs]``, ``[d, n, inputs]``."""
+    for m in range(spread.shape[0]):
+        for j in range(weight.shape[0]):
+            source, own, target = weight[j], branch[j], spread[m, j]
+            for i in range(source.shape[0]):
+                value = source[i]  # loaded unconditionally, or the loop is not SIMD
+                target[i] = value if own[i] == np.int8(m) else ZERO
+
+
+def _gather(gathered, branch, spread):  # type: ignore[no-untyped-def]
+    """``gathered = spread[m] where branch == m``; shapes as for spreading."""
+    for j in range(gathered.shape[0]):
+        own, target = branch[j], gathered[j]
+        for m in range(spread.shape[0]):
+            source = spread[m, j]
+            for i in range(target.shape[0]):
+                value, others = source[i], target[i]
+                target[i] = value if own[i] == np.int8(m) else others
+
+
+def _product(a, a_transposed, b, b_transposed, c):  # type: ignore[no-untyped-def]
+    """``C = op(A) op(B)``, row by row: Fortran's ``C^T = op(B)^T op(A)^T``, as PyTorch calls it: equal bit for bit."""
+    rows, columns = c.shape
+    inner = a.shape[0] if a_transposed else a.shape[1]
+    sizes = np.array([columns, rows, inner, b.shape[1], a.shape[1], columns], SIZE)
+    factors = np.array([1, 0], np.float32)
+    flags = np.array([ord("T") if b_transposed else ord("N"), ord("T") if a_transposed else ord("N")], np.uint8)
+    sgemm(
+        flags.ctypes, flags[1:].ctypes, sizes.ctypes, sizes[1:].ctypes, sizes[2:].ctypes,
+        factors.ctypes, b.ctypes, sizes[3:].ctypes, a.ctypes, sizes[4:].ctypes,
+        factors[1:].ctypes, c.ctypes, sizes[5:].ctypes,
+    )  # fmt: skip
+
+
+def _layer_forward(  # type: ignore[no-untyped-def]
+    x, weight, branch, matrix, bias, lateral, offsets, current_decay, voltage_decay, threshold, spikes, potentials,
+    branches,
+):  # fmt: skip
+    """The scan of ``x matrix^T``, where ``matrix`` is first filled from ``weight`` and ``branch`` unless that is empty.
+
+    Shapes: x ``[T*B, inputs]``, weight and branch ``[n, inputs]``, matrix ``[d*n, inputs]``, the others as of the scan.
+    """
+    steps, samples, n = spikes.shape
+    width, inputs = matrix.shape
+    if branch.shape[0] > 0:
+        _spread(weight, branch, matrix.reshape(width // n, n, inputs))
+    currents = np.empty((steps * samples, width), np.float32)
+    _product(x, False, matrix, True, currents)
+    _forward(
+        currents.reshape(steps, samples, width // n, n), bias, lateral, offsets, current_decay, voltage_decay,
+        threshold, spikes, potentials, branches,
+    )  # fmt: skip
+
+
+def _layer_backward(  # type: ignore[no-untyped-def]
+    grad, x, branch, matrix, spikes, potentials, branches, lateral, offsets, current_decay, voltage_decay, threshold,
+    window, reset, through_lateral, coding_gradient, grad_x, grad_weight, grad_bias, grad_lateral,
+):  # fmt: skip
+    """Fill the gradients to x, or with a ``coding_gradient`` ``[1, T]`` to the strength ``[B, inputs]`` that x encodes,
+    (none, where ``grad_x`` is empty) and to the weight ``[n, inputs]``; add to those to bias and lateral weights.
+    """
+    steps, samples, n = spikes.shape
+    width, inputs = matrix.shape
+    grad_currents = np.empty((steps * samples, width), np.float32)
+    _backward(
+        grad, spikes, potentials, branches, lateral, offsets, current_decay, voltage_decay, threshold, window, reset,
+        through_lateral, grad_currents.reshape(steps, samples, width // n, n), grad_bias, grad_lateral,
+    )  # fmt: skip
+    if branch.shape[0] > 0:
+        spread = np.empty((width, inputs), np.float32)
+        _product(grad_currents, True, x, False, spread)
+        _gather(grad_weight, branch, spread.reshape(width // n, n, inputs))
+    else:
+        _product(grad_currents, True, x, False, grad_weight)
+    if coding_gradient.shape[0] > 0 and grad_x.shape[0] > 0:
+        summed = np.empty((samples, width), np.float32)
+        by_step = grad_currents.reshape(steps, samples * width)
+        _product(coding_gradient, False, by_step, False, summed.reshape(1, samples * width))
+        _product(summed, False, matrix, False, grad_x)
+    elif grad_x.shape[0] > 0:
+        _product(grad_currents, False, matrix, False, grad_x)
+
+
 _PASSES = (
     _fill, _copy, _add, _add_product, _add_two_products, _maxout_first, _maxout_next, _current, _membrane, _fire,
     _membrane_gradient, _current_gradient, _branch_gradient,
 )  # fmt: skip
-for _function in _PASSES:
-    globals()[_function.__name__] = njit(_function)
+for _function in (*_PASSES, _spread, _gather, _product, _forward, _backward):
+    globals()[_function.__name__] = njit(error_model="numpy")(_function)
 
 
 @cache
 def forward_kernel() -> Callable[..., None]:
     """The compiled forward scan."""
-    return compiled(_forward, _FORWARD)
+    return compiled(_forward.py_func, _FORWARD)  # type: ignore[attr-defined]
 
 
 @cache
 def backward_kernel() -> Callable[..., None]:
-    """The compiled gradient."""
-    return compiled(_backward, _BACKWARD)
+    """The compiled gradient of the scan."""
+    return compiled(_backward.py_func, _BACKWARD)  # type: ignore[attr-defined]
+
+
+@cache
+def spread_kernel() -> Callable[..., None]:
+    """The compiled spreading: arguments weight, branch, spread (filled)."""
+    return compiled(_spread.py_func, _SPREAD)  # type: ignore[attr-defined]
+
+
+@cache
+def gather_kernel() -> Callable[..., None]:
+    """The compiled gathering: arguments gathered (filled), branch, spread."""
+    return compiled(_gather.py_func, _SPREAD)  # type: ignore[attr-defined]
+
+
+@cache
+def layer_forward_kernel() -> Callable[..., None]:
+    """The compiled layer."""
+    return compiled(_layer_forward, _LAYER_FORWARD)
+
+
+@cache
+def layer_backward_kernel() -> Callable[..., None]:
+    """The compiled gradient of the layer."""
+    return compiled(_layer_backward, _LAYER_BACKWARD)

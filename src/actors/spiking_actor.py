@@ -20,6 +20,7 @@ from src.actors.actor import Actor
 from src.actors.decoder import PopulationDecoder
 from src.actors.health import ActorHealth, LayerHealth, layer_health
 from src.actors.initialisation import Initialiser
+from src.actors.layer_op import Encoded
 from src.actors.lif import LIFConstants
 from src.actors.population_encoder import PopulationEncoder
 from src.actors.spiking_layer import SpikingLayer
@@ -97,12 +98,10 @@ class SpikingActor(Actor):
         spikes = self.encoder.encode(strength, generator)
         if health is not None:
             health.append(spikes.mean())
-        for index, layer in enumerate(self.spiking_layers()):
-            if index == 0:
-                currents = layer.synapse.encoded(strength, spikes, self.encoder.coding_gradient())
-            else:
-                currents = layer.synapse(spikes)
-            spikes, membrane_potential = layer(currents, membrane=health is not None)
+        encoded: Encoded | None = Encoded(strength, self.encoder.coding_gradient())
+        for layer in self.spiking_layers():
+            spikes, membrane_potential = layer(spikes, encoded, membrane=health is not None)
+            encoded = None
             if health is not None and membrane_potential is not None:
                 constants = layer.constants
                 health.append(layer_health(spikes, membrane_potential, constants.threshold, constants.window))

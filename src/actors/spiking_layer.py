@@ -6,7 +6,9 @@ import numpy as np
 from torch import Tensor, nn
 
 from src.actors.initialisation import Initialiser
+from src.actors.kernels import takes_kernel
 from src.actors.lateral import LateralInteraction
+from src.actors.layer_op import Encoded, Structure, fused_layer
 from src.actors.lif import LIFConstants
 from src.actors.lif_op import lif
 from src.actors.synapse import Synapse
@@ -41,8 +43,20 @@ class SpikingLayer(nn.Module):
         self.synapse = Synapse(dendritic, inputs, neurons, initialiser.at("synapse"), partition_seed)
         self.lateral = LateralInteraction(lateral, neurons, initialiser.at("lateral")) if lateral.radius else None
 
-    def forward(self, currents: Tensor, membrane: bool = False) -> tuple[Tensor, Tensor | None]:
-        """Spikes ``[T, B, n]`` of branch currents ``[T, B, d*n]``; with ``membrane`` also the membrane potentials."""
-        weight, offsets = (None, ()) if self.lateral is None else (self.lateral(), self.lateral.offsets)
+    def forward(
+        self, spikes: Tensor, encoded: Encoded | None = None, membrane: bool = False
+    ) -> tuple[Tensor, Tensor | None]:
+        """Spikes ``[T, B, inputs] -> [T, B, n]``; with ``membrane`` also the membrane potentials.
+
+        Args:
+            spikes: of the layer before.
+            encoded: of the first layer: what its input spikes encode.
+            membrane: whether to give the membrane potentials ``[T, B, n]``, without gradient.
+        """
         synapse = self.synapse
-        return lif(currents, synapse.neuron_bias, weight, offsets, synapse.branches, self.constants, membrane)
+        lateral, offsets = (None, ()) if self.lateral is None else (self.lateral(), self.lateral.offsets)
+        if synapse.bias_per_branch or not (takes_kernel(spikes) and takes_kernel(synapse.weight)):
+            currents = synapse(spikes) if encoded is None else synapse.encoded(encoded.strength, spikes, encoded[1])
+            return lif(currents, synapse.neuron_bias, lateral, offsets, synapse.branches, self.constants, membrane)
+        structure = Structure(*synapse.spreading(), synapse.branches, offsets, self.constants)
+        return fused_layer(encoded, spikes, synapse.weight, synapse.bias, lateral, structure, membrane)

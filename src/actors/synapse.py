@@ -15,7 +15,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from src.actors.branch_weights import BranchWeights
+from src.actors.branch_weights import BranchWeights, spread
 from src.actors.initialisation import Initialiser
 from src.actors.partition import dendritic_partition
 from src.config import DendriticConfig
@@ -65,11 +65,19 @@ class Synapse(nn.Module):
         """
         if self.branch is None:
             return self.weight
-        if not self._fixed or (torch.is_grad_enabled() and self.weight.requires_grad):
+        if torch.is_grad_enabled() and self.weight.requires_grad:
             return BranchWeights.apply(self.weight, self.branch, self.branches)  # type: ignore[no-untyped-call]
+        if not self._fixed:
+            return spread(self.weight, self.branch, self.branches)
         if self._kept is None:
-            self._kept = BranchWeights.apply(self.weight, self.branch, self.branches)  # type: ignore[no-untyped-call]
+            self._kept = spread(self.weight, self.branch, self.branches)
         return self._kept
+
+    def spreading(self) -> tuple[Tensor | None, Tensor | None]:
+        """Branch weights at hand without spreading and None, or None and the branch of each synapse."""
+        if self.branch is None or (self._fixed and not torch.is_grad_enabled()):
+            return self.branch_weights(), None
+        return None, self.branch
 
     def fix(self) -> None:
         """The weights will not change until :meth:`release`."""
