@@ -76,7 +76,12 @@ def _along(axis: Axis, actor: str, quick: bool) -> list[Row]:
     for value in points:
         overrides = [key.format(value) for key in axis.keys]
         config = compose(
-            *overrides, f"protocol.update_every={2 if quick else BURST}", algo="td3", env="hopper", actor=actor
+            *overrides,
+            f"protocol.update_every={2 if quick else BURST}",
+            "protocol.update_after=2000",  # the largest batch is stored by then
+            algo="td3",
+            env="hopper",
+            actor=actor,
         )
         sizes = (n, m) if axis.keys else (value, m)
         timings.append(measure(config, sizes, 1 if quick else ROUNDS))

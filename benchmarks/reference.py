@@ -13,7 +13,7 @@ from benchmarks.relay import Racer, in_turns
 from benchmarks.topic import Row, Topic
 
 GOALS = {"popsan": 2.5, "bptsan": 3.0}
-FULL = Race(warm_up=500, window=200, rounds=5, episode_length=50)
+FULL = Race(warm_up=500, window=200, rounds=4, episode_length=50)
 QUICK = Race(warm_up=100, window=50, rounds=1, episode_length=10)
 
 

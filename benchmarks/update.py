@@ -27,7 +27,7 @@ SIZES = {"hopper": (11, 3), "ant": (111, 8)}
 #: The update may take so many times its products.
 GOALS = {"aan": 1.8}
 SPIKING_GOAL = 1.6
-ROUNDS = 7
+ROUNDS = 4
 
 
 class Timing(NamedTuple):
