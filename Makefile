@@ -13,6 +13,7 @@ setup: .venv/.ready ## make the environment (.venv) from pinned versions; nothin
 	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt "torch==2.13.0"
 	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt ".[dev,slurm]"
 	@rm -rf build *.egg-info
+	$(BIN)/python -m src.compile_kernels
 	@touch $@
 
 demo: setup ## train a small real grid (12 runs of 3,000 steps), write the report, print its path

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import torch
 from torch import Tensor
+from torch.autograd.function import once_differentiable
 
 from src.actors.lif import LIFConstants
 from src.actors.lif_cpu import as_array, no_rows, offsets_array
@@ -88,6 +89,7 @@ class _FusedLayer(torch.autograd.Function):
         return fired, potentials
 
     @staticmethod
+    @once_differentiable
     def backward(ctx: Any, *grads: Tensor | None) -> tuple[Tensor | None, ...]:
         """Gradients to strength ``[B, inputs]`` or spikes, weight, bias and lateral weights.
 

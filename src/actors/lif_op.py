@@ -12,6 +12,7 @@ from typing import Any
 
 import torch
 from torch import Tensor
+from torch.autograd.function import once_differentiable
 
 from src.actors import lif_cpu
 from src.actors.lif import LIFConstants, lif_reference
@@ -68,6 +69,7 @@ class FusedLIF(torch.autograd.Function):
         return spikes, potentials
 
     @staticmethod
+    @once_differentiable
     def backward(ctx: Any, *grads: Tensor | None) -> tuple[Tensor | None, ...]:
         """Gradients to currents, bias and lateral weights."""
         if grads[0] is None:
