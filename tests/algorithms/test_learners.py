@@ -99,7 +99,7 @@ def test_td3_is_spinning_ups_loop(actor: str, encoder: str, delay: int) -> None:
             values = q(o, a)
             loss = sum(((value - y) ** 2).mean() for value in values)
             step(critic_adam, loss)  # type: ignore[arg-type]
-            recorded.append([x.item() for x in (loss, *(value.mean() for value in values))])  # type: ignore[union-attr]
+            recorded.append([x.detach().item() for x in (loss, *(value.mean() for value in values))])  # type: ignore[union-attr]
             if index % delay == 0:
                 step(actor_adam, -q(o, torch.tanh(pi(o, draws)))[0].mean())
                 pi.project()
