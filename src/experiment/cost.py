@@ -13,9 +13,9 @@ from src.experiment.machine import ROOT
 from src.experiment.manifest import ManifestError
 from src.experiment.manifest import read as read_manifest
 
-#: Environment steps per second of one run on one core, rough, where nothing has been measured yet (TD3).
-DEFAULT_RATES = {"aan": 300.0, "popsan": 120.0, "bptsan_wo_ndt": 85.0, "bptsan_wo_li": 85.0, "bptsan": 70.0}
-_OTHER_RATE = 70.0
+#: Environment steps per second of one run on one core, rough, where nothing has been measured yet (docs/performance.md).
+DEFAULT_RATES = {"aan": 180.0, "popsan": 87.0, "bptsan_wo_ndt": 88.0, "bptsan_wo_li": 66.0, "bptsan": 64.0}
+_OTHER_RATE = 60.0
 
 #: Sizes (N, M) of observation and action, for the replay's bytes.
 _SIZES = {"Hopper": (11, 3), "Walker2d": (17, 6), "HalfCheetah": (17, 6), "Ant": (27, 8)}
