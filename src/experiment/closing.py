@@ -16,7 +16,7 @@ from src.experiment.plan import Cell
 
 
 class Ending(NamedTuple):
-    """``state`` is a status of the manifest, ``busy`` or ``not finished``; ``read`` is where to read why."""
+    """``state``: a status of the manifest, ``busy``, ``not started`` or ``not finished``; ``read``: where to look."""
 
     name: str
     state: str
@@ -52,7 +52,7 @@ def close(endings: Sequence[Ending], busy_before: int, console: Console) -> int:
     if busy_before:
         count["left to another launcher"] = busy_before
     console.print("finished: " + ", ".join(f"{number} {state}" for state, number in count.items()), highlight=False)
-    unwell = [each for each in endings if each.state not in ("complete", "interrupted")]
+    unwell = [each for each in endings if each.state not in ("complete", "interrupted", "not started")]
     width = max((len(each.state) for each in unwell), default=0)
     for each in unwell:  # unwrapped lines: a path can be copied, a line can be searched for
         print(f"{each.state:{width}}  {each.name}  {each.why}\n{'':{width}}  read {_shown(each.read)}", flush=True)
@@ -63,7 +63,7 @@ def exit_code(count: Mapping[str, int]) -> int:
     """1 where something failed, else 75 where something is left to do, else 0."""
     if count.get("failed") or count.get("not finished"):
         return FAILED
-    if count.get("interrupted") or count.get("busy") or count.get("left to another launcher"):
+    if any(count.get(state) for state in ("interrupted", "not started", "busy", "left to another launcher")):
         return INTERRUPTED
     return DONE
 

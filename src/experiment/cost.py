@@ -13,7 +13,7 @@ from src.experiment.machine import ROOT
 from src.experiment.manifest import ManifestError
 from src.experiment.manifest import read as read_manifest
 
-#: Environment steps per second of one run on one core, rough, where nothing has been measured yet (docs/performance.md).
+#: Environment steps per second of one run on one core, rough, where nothing has been measured yet (TD3 on Hopper).
 DEFAULT_RATES = {"aan": 180.0, "popsan": 87.0, "bptsan_wo_ndt": 88.0, "bptsan_wo_li": 66.0, "bptsan": 64.0}
 _OTHER_RATE = 60.0
 

@@ -105,7 +105,7 @@ class Pool:
                 job.process.wait()
             for number, handler in before.items():
                 signal.signal(number, handler)
-        endings += [Ending(cell.run.name, "interrupted", "not started", cell.run.path) for cell in waiting]
+        endings += [Ending(cell.run.name, "not started", "", cell.run.path) for cell in waiting]
         return endings
 
     def _start(self, cell: Cell, endings: list[Ending]) -> None:
