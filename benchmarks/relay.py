@@ -159,6 +159,6 @@ def _serve(pipe: Connection, runner: Callable[..., None], arguments: dict[str, A
         set_numerics(threads=1)
         runner(Turns(pipe), **arguments)
     except EOFError:
-        pass
+        pass  # the parent has ended: nobody waits for an answer
     except BaseException:
         pipe.send(traceback.format_exc())

@@ -56,7 +56,7 @@ def processor() -> str:
             if line.startswith("model name"):
                 return line.split(":", 1)[1].strip()
     except OSError:
-        pass
+        pass  # not Linux
     return platform.processor() or platform.machine() or "unknown"
 
 

@@ -110,7 +110,7 @@ class WindowSampler(Sampler):
         """Nothing to load."""
 
     def _empty(self) -> None:
-        pass
+        """Nothing to forget."""
 
     def dumps(self, path: Any) -> None:
         """Nothing to write."""
@@ -143,7 +143,7 @@ class AppendWriter(Writer):
         """Nothing to load."""
 
     def _empty(self, empty_write_count: bool = True) -> None:
-        pass
+        """Nothing to forget."""
 
     def dumps(self, path: Any) -> None:
         """Nothing to write."""
