@@ -101,6 +101,8 @@ def _resumed(run: RunDirectory, fresh: Manifest, decision: Decision) -> Manifest
         notes.append(f"extended from {step} to {fresh.total_steps} steps")
     for key in ("processor", "versions", "commit"):
         before, after = getattr(old, key), getattr(fresh, key)
+        if key == "versions":  # a package that an older manifest did not list is not news
+            after = {name: version for name, version in after.items() if name in before}
         if before != after:
             notes.append(f"resumed at about step {step} with another {key}: {_told(before, after)}")
     for note in notes:
