@@ -23,7 +23,7 @@ from torch import Tensor, nn
 from torch.autograd.function import once_differentiable
 
 from src.actors.kernels import takes_kernel
-from src.ensemble_mlp_kernel import backward_kernel, forward_kernel, regress_kernel
+from src.ensemble_mlp_kernel import backward_kernel, descend_kernel, forward_kernel, regress_kernel
 from src.streams import Streams
 
 
@@ -186,6 +186,30 @@ def _fused_regression(
     return hidden[-1].squeeze(-1), loss[0]
 
 
+def _smallest_output_gradient(
+    first: Tensor, second: Tensor, parameters: Sequence[Tensor], scale: float
+) -> tuple[Tensor, Tensor]:
+    """:meth:`EnsembleMLP.smallest_output_gradient` by autograd."""
+    with torch.enable_grad():
+        second = second.detach().requires_grad_()
+        outputs = ensemble_mlp([p.detach() for p in parameters], False, first.detach(), second).squeeze(-1)
+        (gradient,) = torch.autograd.grad(scale * outputs.amin(dim=0).sum(), second)
+    return outputs.detach(), gradient
+
+
+def _fused_smallest_output_gradient(
+    x: Tensor, split: int, parameters: Sequence[Tensor], scale: float
+) -> tuple[Tensor, Tensor]:
+    """:meth:`EnsembleMLP.smallest_output_gradient` in one call."""
+    parameters = _contiguous(parameters)
+    ensemble, batch, sizes = _shape(x, parameters)
+    hidden = [x, *(x.new_empty(ensemble, batch, b.shape[2]) for b in parameters[1::2])]
+    gradient = x.new_empty(batch, x.shape[1] - split)
+    addresses = (_addresses(parameters), _addresses(hidden))
+    descend_kernel()(ensemble, batch, sizes, *addresses, scale, gradient.data_ptr(), split, x.shape[1])
+    return hidden[-1].squeeze(-1), gradient
+
+
 class EnsembleMLP(nn.Module):
     """E independent ReLU networks ``input_size -> hidden_sizes -> output_size``.
 
@@ -218,23 +242,14 @@ class EnsembleMLP(nn.Module):
         self.parameter_pairs = tuple(p for pair in zip(self.weights, self.biases) for p in pair)
         self.final_relu = final_relu
 
-    def forward(
-        self, first: Tensor, second: Tensor | None = None, *, members: int | None = None, frozen: bool = False
-    ) -> Tensor:
+    def forward(self, first: Tensor, second: Tensor | None = None) -> Tensor:
         """Outputs ``[E, B, out]`` for inputs ``[B, in]`` (or ``[E, B, in]``), given whole or in two parts.
 
         Args:
             first: input, or its first columns.
             second: the other columns.
-            members: evaluate only the first this many networks.
-            frozen: gradients flow to the input only, as in an actor's update.
         """
-        parameters: Sequence[Tensor] = self.parameter_pairs
-        if members is not None:
-            parameters = [p[:members] for p in parameters]
-        if frozen:
-            parameters = [p.detach() for p in parameters]
-        return ensemble_mlp(parameters, self.final_relu, first, second)
+        return ensemble_mlp(self.parameter_pairs, self.final_relu, first, second)
 
     def regress(self, x: Tensor, target: Tensor, gradients: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
         """One regression step of networks with one output each, without autograd.
@@ -247,11 +262,38 @@ class EnsembleMLP(nn.Module):
         Returns:
             The outputs ``[E, B]``, and ``sum over E of mean over B of (output - target)^2``.
         """
-        outputs, shapes = self.biases[-1].shape[2], [(g.shape, g.is_contiguous()) for g in gradients]
-        if outputs != 1 or target.shape != x.shape[:1] or shapes != [(p.shape, True) for p in self.parameter_pairs]:
+        shapes = [(g.shape, g.is_contiguous()) for g in gradients]
+        if (
+            self.biases[-1].shape[2] != 1
+            or target.shape != x.shape[:1]
+            or shapes != [(p.shape, True) for p in self.parameter_pairs]
+        ):
             raise ValueError("a regression takes networks with one output, a target [B] and a gradient per parameter")
         regression = _fused_regression if _takes_kernel(x, self.parameter_pairs[0]) else _regression
         return regression(x, target, self.parameter_pairs, gradients)
+
+    @torch.no_grad()
+    def smallest_output_gradient(
+        self, first: Tensor, second: Tensor, scale: float, members: int
+    ) -> tuple[Tensor, Tensor]:
+        """Outputs of networks with one output each, and the gradient of the smallest to a part of the input.
+
+        Args:
+            first: the first columns of the input, ``[B, .]``.
+            second: the other columns, ``[B, .]``.
+            scale: factor of the gradient.
+            members: how many networks take part, from the first on: E'.
+
+        Returns:
+            The outputs ``[E', B]``, and the gradient of ``scale * sum over B of min over E' of output`` to ``second``.
+        """
+        if self.biases[-1].shape[2] != 1 or self.final_relu:
+            raise ValueError("the smallest output is that of networks with one output each")
+        parameters = [p[:members] for p in self.parameter_pairs]
+        x = torch.cat([first, second], dim=-1)
+        if _takes_kernel(x, parameters[0]):
+            return _fused_smallest_output_gradient(x, first.shape[1], parameters, scale)
+        return _smallest_output_gradient(first, second, parameters, scale)
 
 
 def ensemble_mlp(parameters: Sequence[Tensor], final_relu: bool, first: Tensor, second: Tensor | None = None) -> Tensor:

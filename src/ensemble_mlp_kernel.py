@@ -26,6 +26,7 @@ _ADDRESSES = int64[::1]
 _FORWARD = void(int64, int64, _ADDRESSES, _ADDRESSES, _ADDRESSES, int64)
 _BACKWARD = void(int64, int64, _ADDRESSES, _ADDRESSES, _ADDRESSES, int64, int64, _ADDRESSES, int64, int64, int64)
 _REGRESS = void(int64, int64, _ADDRESSES, _ADDRESSES, _ADDRESSES, _ADDRESSES, float32[::1], float32[::1])
+_DESCEND = void(int64, int64, _ADDRESSES, _ADDRESSES, _ADDRESSES, float32, int64, int64, int64)
 FLOAT_BYTES = 4
 
 
@@ -157,6 +158,29 @@ def _regress(E, B, sizes, parameters, hidden, gradients, target, loss):  # type:
     _backward(E, B, sizes, parameters, hidden, int64(g.ctypes.data), 0, gradients, 0, 0, 0)
 
 
+def _descend(  # type: ignore[no-untyped-def]
+    E, B, sizes, parameters, hidden, scale, input_gradient, input_start, input_stop
+):  # fmt: skip
+    """Forward, and the gradient of ``scale * sum over B of min over E of y`` to some columns of the input.
+
+    One output per network; where networks tie, each has its share of the gradient.
+    """
+    _forward(E, B, sizes, parameters, hidden, 0)
+    y, g = carray(_floats(hidden[-1]), (E, B)), np.empty((E, B), np.float32)
+    for b in range(B):
+        smallest, ties = y[0, b], 1
+        for e in range(1, E):
+            if y[e, b] < smallest:
+                smallest, ties = y[e, b], 1
+            elif y[e, b] == smallest:
+                ties += 1
+        for e in range(E):
+            g[e, b] = scale / np.float32(ties) if y[e, b] == smallest else ZERO
+    gradients = np.empty(0, np.int64)
+    address = int64(g.ctypes.data)
+    _backward(E, B, sizes, parameters, hidden, address, 0, gradients, input_gradient, input_start, input_stop)
+
+
 @cache
 def forward_kernel() -> Callable[..., None]:
     """The compiled networks."""
@@ -173,3 +197,9 @@ def backward_kernel() -> Callable[..., None]:
 def regress_kernel() -> Callable[..., None]:
     """The compiled regression: both of them around a squared error."""
     return compiled(_regress, _REGRESS)
+
+
+@cache
+def descend_kernel() -> Callable[..., None]:
+    """The compiled gradient of the smallest output to the input."""
+    return compiled(_descend, _DESCEND)

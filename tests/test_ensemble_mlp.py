@@ -69,16 +69,30 @@ def test_a_trunk_ends_in_a_relu_and_its_gradient_stops_there() -> None:
     torch.testing.assert_close(a, b)
 
 
-def test_frozen_gives_no_gradient_to_the_network_but_the_right_one_to_the_input(network: EnsembleMLP) -> None:
-    x = torch.randn(4, 5, requires_grad=True)
-    frozen = network(x, members=1, frozen=True)
-    free = network(x)[:1]
-    torch.testing.assert_close(frozen, free)
-    (a,) = torch.autograd.grad(frozen.sum(), x)
-    (b,) = torch.autograd.grad(free.sum(), x)
-    torch.testing.assert_close(a, b)
-    with pytest.raises(RuntimeError):
-        torch.autograd.grad(network(x, frozen=True).sum(), list(network.parameters()))
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])  # the kernel, PyTorch's operators
+@pytest.mark.parametrize("members", [1, 2, 3])
+def test_the_gradient_of_the_smallest_output_is_autograds(members: int, dtype: torch.dtype) -> None:
+    network = EnsembleMLP([5, 16, 16, 1], 3, Streams(0), "test").to(dtype)
+    first, second = 9 * torch.randn(40, 3, dtype=dtype), 9 * torch.randn(40, 2, dtype=dtype)
+    second.requires_grad_()
+    outputs, gradient = network.smallest_output_gradient(first, second, -0.25, members)
+    expected = network(first, second).squeeze(-1)[:members]
+    assert members == 1 or len(expected.argmin(dim=0).unique()) == members  # each is the smallest somewhere
+    torch.testing.assert_close(outputs, expected)
+    (expected_gradient,) = torch.autograd.grad(-0.25 * expected.amin(dim=0).sum(), second)
+    torch.testing.assert_close(gradient, expected_gradient)
+    assert not outputs.requires_grad and not gradient.requires_grad
+
+
+def test_networks_that_tie_share_the_gradient() -> None:
+    network = EnsembleMLP([5, 8, 1], 2, Streams(0), "test")
+    for parameter in network.parameters():
+        parameter.data[1] = parameter.data[0]
+    first, second = torch.randn(6, 3), torch.randn(6, 2, requires_grad=True)
+    _, gradient = network.smallest_output_gradient(first, second, 1.0, 2)
+    values = network(first, second).squeeze(-1)
+    torch.testing.assert_close(gradient, torch.autograd.grad(torch.minimum(*values).sum(), second)[0])
+    torch.testing.assert_close(gradient, network.smallest_output_gradient(first, second, 1.0, 1)[1])
 
 
 def test_each_member_has_its_own_weights_in_the_default_linear_range() -> None:

@@ -24,18 +24,18 @@ class TwinCritic(nn.Module):
         super().__init__()
         self.networks = EnsembleMLP([observation_size + action_size, *hidden_sizes, 1], 2, streams, "critic")
 
-    def forward(self, observation: Tensor, action: Tensor, *, frozen: bool = False) -> Tensor:
-        """Values ``[2, B]`` of observations ``[B, N]`` (normalised) and actions ``[B, M]``, in its units.
-
-        ``frozen`` lets gradients flow to the action only, as an actor's update wants it.
-        """
-        value: Tensor = self.networks(observation, action, frozen=frozen)
+    def forward(self, observation: Tensor, action: Tensor) -> Tensor:
+        """Values ``[2, B]`` of observations ``[B, N]`` (normalised) and actions ``[B, M]``, in its units."""
+        value: Tensor = self.networks(observation, action)
         return value.squeeze(-1)
 
-    def first_frozen(self, observation: Tensor, action: Tensor) -> Tensor:
-        """Q1 alone, ``[B]``, with gradients to the action only."""
-        value: Tensor = self.networks(observation, action, members=1, frozen=True)
-        return value.flatten()
+    def action_gradient(self, observation: Tensor, action: Tensor, members: int) -> tuple[Tensor, Tensor]:
+        """Values of the first ``members`` networks, ``[members, B]``, and the gradient to the action, ``[B, M]``.
+
+        The gradient is that of ``-mean over B of min over the members of Q(o, a)``: what an actor's loss asks of the
+        critics, without autograd.
+        """
+        return self.networks.smallest_output_gradient(observation, action, -1.0 / len(action), members)
 
     def regress(
         self, inputs: Tensor, target: Tensor, gradient_of: Mapping[nn.Parameter, Tensor]

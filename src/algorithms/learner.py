@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import torch
@@ -84,12 +85,27 @@ class Learner(ABC):
         record.add_values(values)
 
     def actor_step(
-        self, loss: Tensor, record: BurstRecord, health: ActorHealth | None, groups: tuple[str, ...] = ("actor",)
+        self,
+        outputs: Sequence[Tensor],
+        output_gradients: Sequence[Tensor],
+        record: BurstRecord,
+        health: ActorHealth | None,
+        groups: tuple[str, ...] = ("actor",),
     ) -> None:
-        """One optimizer step of the actor (and of what learns with it), and the projection of its sigma."""
+        """One optimizer step of the actor (and of what learns with it), and the projection of its sigma.
+
+        Args:
+            outputs: of the policy, with the graph of autograd behind them.
+            output_gradients: the loss's gradient to each of them.
+            record: of the burst.
+            health: of the same pass, or None.
+            groups: names of the flat parameters that learn, the actor's first.
+        """
         flats = [self.flat[name] for name in groups]
         parameters = [p for flat in flats for p in flat.parameters]
-        gradients = torch.autograd.grad(loss, parameters, allow_unused=True, materialize_grads=True)
+        gradients = torch.autograd.grad(
+            outputs, parameters, output_gradients, allow_unused=True, materialize_grads=True
+        )
         own = gradients[: len(flats[0].parameters)]
         flats[0].join(own)
         for flat in flats[1:]:
@@ -99,7 +115,6 @@ class Learner(ABC):
         actor = self.policy.actor
         actor.project()
         self.actor_updates += 1
-        record.add("actor_loss", loss)
         if health is not None:
             record.add("actor_gradient_norm", flats[0].gradient.norm())
             record.add_health(health, actor, flats[0].parameters, own)

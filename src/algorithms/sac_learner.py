@@ -103,6 +103,10 @@ class SACLearner(Learner):
         else:
             mean, log_std = self._mean_and_log_std(observation)
         action, log_probability = sac.tanh_gaussian(mean, log_std, noise, self.action_limit)
-        loss = sac.actor_loss(log_probability, self.critic(observation, action, frozen=True), self.config.alpha)
-        record.add("log_probability", log_probability.mean())
-        self.actor_step(loss, record, health, ("actor",) if self.shared_trunk else ("actor", "log_std"))
+        values, to_action = self.critic.action_gradient(observation, action, members=2)
+        to_log_probability = torch.full_like(log_probability, 1.0 / len(log_probability)).mul_(self.config.alpha)
+        with torch.no_grad():
+            record.add("actor_loss", sac.actor_loss(log_probability, values, self.config.alpha))
+            record.add("log_probability", log_probability.mean())
+        groups = ("actor",) if self.shared_trunk else ("actor", "log_std")
+        self.actor_step([action, log_probability], [to_action, to_log_probability], record, health, groups)

@@ -86,7 +86,9 @@ class TD3Learner(Learner):
             raw, health = actor.forward_with_health(observation, self.streams.encoder)
         else:
             raw = actor(observation, self.streams.encoder)
-        loss = td3.actor_loss(self.critic.first_frozen(observation, self.policy.squash(raw)))
-        self.actor_step(loss, record, health)
+        action = self.policy.squash(raw)
+        first_value, to_action = self.critic.action_gradient(observation, action, members=1)
+        record.add("actor_loss", td3.actor_loss(first_value[0]))
+        self.actor_step([action], [to_action], record, health)
         self.flat["target_actor"].follow(self.flat["actor"], self.config.polyak)
         self.flat["target_critic"].follow(self.flat["critic"], self.config.polyak)

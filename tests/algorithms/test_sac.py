@@ -74,7 +74,8 @@ def test_losses_and_gradients_equal_torchrls(monkeypatch: pytest.MonkeyPatch) ->
     loss = critic_loss(critic(batch["observation"], batch["action"]), target)
     torch.testing.assert_close(loss, theirs["loss_qvalue"], rtol=1e-4, atol=1e-5)
     action, log_probability = sample(batch["observation"])
-    actor_loss = sac.actor_loss(log_probability, critic(batch["observation"], action, frozen=True), ALPHA)
+    values, to_action = critic.action_gradient(batch["observation"], action, members=2)
+    actor_loss = sac.actor_loss(log_probability, values, ALPHA)
     torch.testing.assert_close(actor_loss, theirs["loss_actor"], rtol=1e-4, atol=1e-5)
 
     theirs["loss_qvalue"].backward(retain_graph=True)
@@ -84,7 +85,11 @@ def test_losses_and_gradients_equal_torchrls(monkeypatch: pytest.MonkeyPatch) ->
     theirs["loss_actor"].backward()
     parameters = oracle.actor_network_params["module", "0", "module", "0"]
     expected_gradients = [parameters[k, n].grad for k in ("0", "2") for n in ("weight", "bias")]
-    for gradient, expected in zip(torch.autograd.grad(actor_loss, list(network.parameters())), expected_gradients):
+    to_log_probability = torch.full_like(log_probability, ALPHA / len(log_probability))
+    gradients = torch.autograd.grad(
+        [action, log_probability], list(network.parameters()), [to_action, to_log_probability]
+    )
+    for gradient, expected in zip(gradients, expected_gradients, strict=True):
         torch.testing.assert_close(gradient, expected, rtol=1e-4, atol=1e-5)
 
 
