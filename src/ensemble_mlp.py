@@ -22,7 +22,7 @@ import torch
 from torch import Tensor, nn
 from torch.autograd.function import once_differentiable
 
-from src.actors.kernels import takes_kernel
+from src.actors.kernels import as_array, takes_kernel
 from src.ensemble_mlp_kernel import backward_kernel, descend_kernel, forward_kernel, regress_kernel
 from src.streams import Streams
 
@@ -179,11 +179,10 @@ def _fused_regression(
     """:meth:`EnsembleMLP.regress` in one call; the gradients are contiguous."""
     x, parameters = x.contiguous(), _contiguous(parameters)
     ensemble, batch, sizes = _shape(x, parameters)
-    hidden = [x, *(x.new_empty(ensemble, batch, b.shape[2]) for b in parameters[1::2])]
-    loss = x.new_empty(1)
-    addresses = (_addresses(parameters), _addresses(hidden), _addresses(gradients))
-    regress_kernel()(ensemble, batch, sizes, *addresses, target.contiguous().numpy(), loss.numpy())
-    return hidden[-1].squeeze(-1), loss[0]
+    outputs, loss = torch.empty(ensemble, batch), torch.empty(1)
+    addresses = (_addresses(parameters), x.data_ptr(), _addresses(gradients))
+    regress_kernel()(ensemble, batch, sizes, *addresses, as_array(target), outputs.numpy(), loss.numpy())
+    return outputs, loss[0]
 
 
 def _smallest_output_gradient(
@@ -203,11 +202,11 @@ def _fused_smallest_output_gradient(
     """:meth:`EnsembleMLP.smallest_output_gradient` in one call."""
     parameters = _contiguous(parameters)
     ensemble, batch, sizes = _shape(x, parameters)
-    hidden = [x, *(x.new_empty(ensemble, batch, b.shape[2]) for b in parameters[1::2])]
-    gradient = x.new_empty(batch, x.shape[1] - split)
-    addresses = (_addresses(parameters), _addresses(hidden))
-    descend_kernel()(ensemble, batch, sizes, *addresses, scale, gradient.data_ptr(), split, x.shape[1])
-    return hidden[-1].squeeze(-1), gradient
+    outputs, gradient = torch.empty(ensemble, batch), torch.empty(batch, x.shape[1] - split)
+    addresses = (_addresses(parameters), x.data_ptr())
+    columns = (gradient.data_ptr(), split, x.shape[1])
+    descend_kernel()(ensemble, batch, sizes, *addresses, scale, outputs.numpy(), *columns)
+    return outputs, gradient
 
 
 class EnsembleMLP(nn.Module):

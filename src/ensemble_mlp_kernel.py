@@ -12,33 +12,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
-from numba import carray, float32, int64, njit, types, void
-from numba.extending import intrinsic
+from numba import carray, float32, int64, njit, void
 
-from src.actors.kernels import compiled
+from src.actors.kernels import compiled, floats_at
 from src.blas import sgemm
 
 ZERO = np.float32(0)
 _ADDRESSES = int64[::1]
 _FORWARD = void(int64, int64, _ADDRESSES, _ADDRESSES, _ADDRESSES, int64)
 _BACKWARD = void(int64, int64, _ADDRESSES, _ADDRESSES, _ADDRESSES, int64, int64, _ADDRESSES, int64, int64, int64)
-_REGRESS = void(int64, int64, _ADDRESSES, _ADDRESSES, _ADDRESSES, _ADDRESSES, float32[::1], float32[::1])
-_DESCEND = void(int64, int64, _ADDRESSES, _ADDRESSES, _ADDRESSES, float32, int64, int64, int64)
+_REGRESS = void(
+    int64, int64, _ADDRESSES, _ADDRESSES, int64, _ADDRESSES, float32[::1], float32[:, ::1], float32[::1]
+)  # fmt: skip
+_DESCEND = void(int64, int64, _ADDRESSES, _ADDRESSES, int64, float32, float32[:, ::1], int64, int64, int64)
 FLOAT_BYTES = 4
-
-
-@intrinsic
-def _floats(typing_context, address):  # type: ignore[no-untyped-def]
-    """An address as a pointer to float32."""
-    signature = types.CPointer(types.float32)(types.int64)
-
-    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
-
-    return signature, code
 
 
 @njit(error_model="numpy")
@@ -49,8 +38,8 @@ def _product(n, m, k, a, lda, a_transposed, b, ldb, b_transposed, c, ldc, accumu
     flags = np.array([ord("T") if b_transposed else ord("N"), ord("T") if a_transposed else ord("N")], np.uint8)
     sgemm(
         flags.ctypes, flags[1:].ctypes, sizes.ctypes, sizes[1:].ctypes, sizes[2:].ctypes,
-        factors.ctypes, _floats(b), sizes[3:].ctypes, _floats(a), sizes[4:].ctypes,
-        factors[1:].ctypes, _floats(c), sizes[5:].ctypes,
+        factors.ctypes, floats_at(b), sizes[3:].ctypes, floats_at(a), sizes[4:].ctypes,
+        factors[1:].ctypes, floats_at(c), sizes[5:].ctypes,
     )  # fmt: skip
 
 
@@ -102,8 +91,8 @@ def _forward(E, B, sizes, parameters, hidden, final_relu):  # type: ignore[no-un
             kept = hidden[k + 1] + e * B * n_out * FLOAT_BYTES
             y = kept if hidden[k + 1] > 0 else int64(scratch[k % 2].ctypes.data)
             _product(B, n_out, n_in, x, n_in, False, weight, n_out, False, y, n_out, ZERO)
-            bias = carray(_floats(parameters[2 * k + 1] + e * n_out * FLOAT_BYTES), (n_out,))
-            _add_bias(carray(_floats(y), (B, n_out)), bias, final_relu or k < layers - 1)
+            bias = carray(floats_at(parameters[2 * k + 1] + e * n_out * FLOAT_BYTES), (n_out,))
+            _add_bias(carray(floats_at(y), (B, n_out)), bias, final_relu or k < layers - 1)
             x = y
 
 
@@ -127,11 +116,11 @@ def _backward(  # type: ignore[no-untyped-def]
             address = source
             if final_relu or k < layers - 1:
                 address = int64(scratch[k % 2].ctypes.data)
-                h = carray(_floats(hidden[k + 1] + e * B * n_out * FLOAT_BYTES), (B, n_out))
-                _mask(carray(_floats(address), (B, n_out)), carray(_floats(source), (B, n_out)), h)
+                h = carray(floats_at(hidden[k + 1] + e * B * n_out * FLOAT_BYTES), (B, n_out))
+                _mask(carray(floats_at(address), (B, n_out)), carray(floats_at(source), (B, n_out)), h)
             if gradients.shape[0] > 0:
-                bias_gradient = carray(_floats(gradients[2 * k + 1] + e * n_out * FLOAT_BYTES), (n_out,))
-                _sum_rows(carray(_floats(address), (B, n_out)), bias_gradient)
+                bias_gradient = carray(floats_at(gradients[2 * k + 1] + e * n_out * FLOAT_BYTES), (n_out,))
+                _sum_rows(carray(floats_at(address), (B, n_out)), bias_gradient)
                 weight_gradient = gradients[2 * k] + e * n_in * n_out * FLOAT_BYTES
                 _product(n_in, n_out, B, x, n_in, True, address, n_out, False, weight_gradient, n_out, ZERO)
             if k > 0:
@@ -144,41 +133,61 @@ def _backward(  # type: ignore[no-untyped-def]
                 _product(B, columns, n_out, address, n_out, False, rows, n_out, True, input_gradient, columns, more)
 
 
-def _regress(E, B, sizes, parameters, hidden, gradients, target, loss):  # type: ignore[no-untyped-def]
+@njit(error_model="numpy")
+def _places(E, B, sizes, x, outputs, memory):  # type: ignore[no-untyped-def]
+    """``hidden`` for networks with one output each, the layers between in ``memory``; and where that has room left."""
+    layers = sizes.shape[0] - 1
+    hidden, free = np.empty(layers + 1, np.int64), int64(memory.ctypes.data)
+    hidden[0], hidden[layers] = x, int64(outputs.ctypes.data)
+    for k in range(1, layers):
+        hidden[k] = free
+        free += E * B * sizes[k] * FLOAT_BYTES
+    return hidden, free
+
+
+@njit(error_model="numpy")
+def _keep(memory):  # type: ignore[no-untyped-def]
+    """Numba frees an array after its last mention: those that are used by address are to be mentioned after that."""
+    return memory.shape[0]
+
+
+def _regress(E, B, sizes, parameters, x, gradients, target, outputs, loss):  # type: ignore[no-untyped-def]
     """Forward, ``loss[0] = sum over E of mean over B of (y - target)^2``, and its gradient; one output per network."""
+    memory = np.empty(E * B * sizes[1:].sum(), np.float32)
+    hidden, address = _places(E, B, sizes, x, outputs, memory)
     _forward(E, B, sizes, parameters, hidden, 0)
-    y, g = carray(_floats(hidden[-1]), (E, B)), np.empty((E, B), np.float32)
+    g = carray(floats_at(address), (E, B))
     total = 0.0
     for e in range(E):
         for b in range(B):
-            error = y[e, b] - target[b]
+            error = outputs[e, b] - target[b]
             total += error * error
             g[e, b] = error * np.float32(2.0 / B)
     loss[0] = total / B
-    _backward(E, B, sizes, parameters, hidden, int64(g.ctypes.data), 0, gradients, 0, 0, 0)
+    _backward(E, B, sizes, parameters, hidden, address, 0, gradients, 0, 0, 0)
+    _keep(memory)
 
 
-def _descend(  # type: ignore[no-untyped-def]
-    E, B, sizes, parameters, hidden, scale, input_gradient, input_start, input_stop
-):  # fmt: skip
+def _descend(E, B, sizes, parameters, x, scale, outputs, input_gradient, start, stop):  # type: ignore[no-untyped-def]
     """Forward, and the gradient of ``scale * sum over B of min over E of y`` to some columns of the input.
 
     One output per network; where networks tie, each has its share of the gradient.
     """
+    memory = np.empty(E * B * sizes[1:].sum(), np.float32)
+    hidden, address = _places(E, B, sizes, x, outputs, memory)
     _forward(E, B, sizes, parameters, hidden, 0)
-    y, g = carray(_floats(hidden[-1]), (E, B)), np.empty((E, B), np.float32)
+    g = carray(floats_at(address), (E, B))
     for b in range(B):
-        smallest, ties = y[0, b], 1
+        smallest, ties = outputs[0, b], 1
         for e in range(1, E):
-            if y[e, b] < smallest:
-                smallest, ties = y[e, b], 1
-            elif y[e, b] == smallest:
+            if outputs[e, b] < smallest:
+                smallest, ties = outputs[e, b], 1
+            elif outputs[e, b] == smallest:
                 ties += 1
         for e in range(E):
-            g[e, b] = scale / np.float32(ties) if y[e, b] == smallest else ZERO
-    gradients = np.empty(0, np.int64)
-    address = int64(g.ctypes.data)
-    _backward(E, B, sizes, parameters, hidden, address, 0, gradients, input_gradient, input_start, input_stop)
+            g[e, b] = scale / np.float32(ties) if outputs[e, b] == smallest else ZERO
+    _backward(E, B, sizes, parameters, hidden, address, 0, np.empty(0, np.int64), input_gradient, start, stop)
+    _keep(memory)
 
 
 @cache

@@ -1,4 +1,8 @@
-"""Deterministic spike coding on the CPU, in Numba; the equations are those of :mod:`src.actors.spike_coding`."""
+"""Receptive fields and deterministic spike coding on the CPU, in Numba.
+
+The equations are those of :mod:`src.actors.population_encoder` and :mod:`src.actors.spike_coding`; the exponential is
+left to PyTorch.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +14,7 @@ from numba import float32, void
 
 from src.actors.kernels import compiled
 
-ZERO, ONE = np.float32(0), np.float32(1)
+ZERO, ONE, MINUS_HALF = np.float32(0), np.float32(1), np.float32(-0.5)
 BLOCK = 512  # neurons whose voltages stay in the first-level cache over all steps
 
 
@@ -28,6 +32,28 @@ def _deterministic(strength, threshold, spikes):  # type: ignore[no-untyped-def]
                 spike = ONE if v > threshold else ZERO
                 train[i] = spike
                 voltage[i] = v - threshold * spike
+
+
+def _exponent(observation, mean, std, distance, exponent):  # type: ignore[no-untyped-def]
+    """Fill ``s - mu`` and ``-(s - mu)^2 / (2 sigma^2)``, ``[B, N, J]``, from ``[B, N]`` and twice ``[N, J]``."""
+    factor = np.empty(mean.shape, np.float32)
+    for i in range(mean.shape[0]):
+        for j in range(mean.shape[1]):
+            factor[i, j] = MINUS_HALF / (std[i, j] * std[i, j])
+    for b in range(observation.shape[0]):
+        for i in range(mean.shape[0]):
+            s = observation[b, i]
+            for j in range(mean.shape[1]):
+                d = s - mean[i, j]
+                distance[b, i, j] = d
+                exponent[b, i, j] = d * d * factor[i, j]
+
+
+@cache
+def exponent_kernel() -> Callable[..., None]:
+    """The compiled receptive fields, but for the exponential."""
+    rows, fields = float32[:, ::1], float32[:, :, ::1]
+    return compiled(_exponent, void(rows, rows, rows, fields, fields))
 
 
 @cache

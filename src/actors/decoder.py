@@ -29,5 +29,9 @@ class PopulationDecoder(nn.Module):
 
     def forward(self, spikes: Tensor) -> Tensor:
         """Raw action ``[B, M]``."""
-        rates = spikes.mean(0).unflatten(1, self.weight.shape)
-        return (rates * self.weight).sum(-1) + self.bias
+        return decode(spikes.mean(0).unflatten(1, self.weight.shape), self.weight, self.bias)
+
+
+def decode(rates: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
+    """Raw action ``[B, M]`` of firing rates ``[B, M, P]``."""
+    return (rates * weight).sum(-1) + bias

@@ -12,6 +12,13 @@ import torch
 from torch import Tensor
 
 
+class Trace(NamedTuple):
+    """What happened in one pass of a spiking actor, without gradient."""
+
+    input_spikes: Tensor  # of the encoder, [T, B, N*J]
+    layers: list[tuple[Tensor, Tensor]]  # spikes and membrane potentials of each layer, [T, B, n]; empty unless asked
+
+
 class LayerHealth(NamedTuple):
     """Health of one spiking layer over a batch; scalar tensors without gradient, all in [0, 1]."""
 

@@ -9,8 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import torch
-from numba import njit
+from numba import njit, types
+from numba.extending import intrinsic
 
 
 def compiled(function: Callable[..., None], signature: Any) -> Callable[..., None]:
@@ -25,9 +27,35 @@ def compiled(function: Callable[..., None], signature: Any) -> Callable[..., Non
         return njit(signature, **options)(function)
 
 
+@intrinsic
+def floats_at(typing_context, address):  # type: ignore[no-untyped-def]
+    """An address as a pointer to float32; for kernels, with ``carray``."""
+    return _pointer(types.float32)
+
+
+@intrinsic
+def bytes_at(typing_context, address):  # type: ignore[no-untyped-def]
+    """An address as a pointer to int8."""
+    return _pointer(types.int8)
+
+
+def _pointer(item: Any) -> tuple[Any, Callable[..., Any]]:
+    signature = types.CPointer(item)(types.int64)
+
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
+
+    return signature, code
+
+
 def takes_kernel(tensor: torch.Tensor) -> bool:
     """Kernels serve plain float32 tensors on the CPU; others, tracing among them, take PyTorch's own operators."""
     return tensor.device.type == "cpu" and tensor.dtype == torch.float32 and type(tensor) in _PLAIN
+
+
+def as_array(tensor: torch.Tensor) -> np.ndarray:
+    """Its values, contiguous."""
+    return tensor.detach().contiguous().numpy()
 
 
 _PLAIN = (torch.Tensor, torch.nn.Parameter)

@@ -13,6 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from src.actors.kernels import as_array
 from src.actors.lif_kernel import backward_kernel, forward_kernel
 
 
@@ -96,11 +97,6 @@ def backward(
         grad_lateral.numpy(),
     )
     return grad_currents, grad_bias, grad_lateral
-
-
-def as_array(tensor: Tensor) -> np.ndarray:
-    """Its values, contiguous."""
-    return tensor.detach().contiguous().numpy()
 
 
 def offsets_array(offsets: Sequence[int]) -> np.ndarray:

@@ -14,9 +14,9 @@ from collections.abc import Callable
 from functools import cache
 
 import numpy as np
-from numba import float32, int8, int64, njit, void
+from numba import carray, float32, int8, int64, njit, void
 
-from src.actors.kernels import compiled
+from src.actors.kernels import bytes_at, compiled, floats_at
 from src.blas import sgemm
 
 ZERO, ONE = np.float32(0), np.float32(1)
@@ -30,12 +30,13 @@ _BACKWARD = void(
     _CURRENTS, _ROW, _ROWS,
 )  # fmt: skip
 _SPREAD = void(_ROWS, int8[:, ::1], _STEPS)
-_LAYER_FORWARD = void(
-    _ROWS, _ROWS, int8[:, ::1], _ROWS, _ROW, _ROWS, _OFFSETS, float32, float32, float32, _STEPS, _STEPS, _BRANCH
-)
-_LAYER_BACKWARD = void(
-    _STEPS, _ROWS, int8[:, ::1], _ROWS, _STEPS, _STEPS, _BRANCH, _ROWS, _OFFSETS, float32, float32, float32, float32,
-    float32, float32, _ROWS, _ROWS, _ROWS, _ROW, _ROWS,
+_TABLE = int64[:, ::1]
+_NETWORK_FORWARD = void(
+    _ROWS, int64, int64, _OFFSETS, _TABLE, _TABLE, _OFFSETS, float32, float32, float32, int64, _ROWS
+)  # fmt: skip
+_NETWORK_BACKWARD = void(
+    _ROWS, _ROWS, int64, int64, _OFFSETS, _TABLE, _TABLE, _TABLE, _OFFSETS, float32, float32, float32, float32, float32,
+    float32, _ROWS, _ROWS,
 )  # fmt: skip
 
 
@@ -300,11 +301,119 @@ def _layer_backward(  # type: ignore[no-untyped-def]
         _product(grad_currents, False, matrix, False, grad_x)
 
 
+def _floats(address, shape):  # type: ignore[no-untyped-def]
+    return carray(floats_at(address), shape)
+
+
+def _bytes(address, shape):  # type: ignore[no-untyped-def]
+    return carray(bytes_at(address), shape)
+
+
+def _columns(row):  # type: ignore[no-untyped-def]
+    return row[0], row[1], row[2], row[3], row[4], row[5], row[6]
+
+
+def _network_forward(  # type: ignore[no-untyped-def]
+    x, steps, samples, sizes, parameters, places, offsets, current_decay, voltage_decay, threshold, keep, rates
+):  # fmt: skip
+    """Layer after layer, and the firing rates of the last.
+
+    ``x`` is ``[T*B, sizes[0]]``, ``rates`` ``[B, sizes[L]]``. For layer k, as addresses, 0 for none:
+
+    ``parameters[k]``: weight, bias, lateral, how many neighbours, branch of each synapse (where the weight is to be
+    spread), branch weights (where it is not), how many branches.
+    ``places[k]``: of spikes, potentials, largest branches (neither filled unless ``keep``) and branch weights.
+    """
+    layers = parameters.shape[0]
+    for k in range(layers):
+        n_in, n = sizes[k], sizes[k + 1]
+        row = parameters[k]
+        weight, bias, lateral, neighbours, branch, matrix, dendrites = (
+            row[0],
+            row[1],
+            row[2],
+            row[3],
+            row[4],
+            row[5],
+            row[6],
+        )
+        kept = steps if keep else 0
+        spikes = _floats(places[k, 0], (steps, samples, n))
+        _layer_forward(
+            x,
+            _floats(weight, (n, n_in)),
+            _bytes(branch, (n if branch != 0 else 0, n_in)),
+            _floats(matrix if matrix != 0 else places[k, 3], (dendrites * n, n_in)),
+            _floats(bias, (n,)),
+            _floats(lateral, (neighbours, n)),
+            offsets, current_decay, voltage_decay, threshold,
+            spikes,
+            _floats(places[k, 1], (kept, samples, n)),
+            _bytes(places[k, 2], (kept if dendrites > 1 else 0, samples, n)),
+        )  # fmt: skip
+        x = spikes.reshape(steps * samples, n)
+    n = sizes[layers]
+    last = _floats(places[layers - 1, 0], (steps, samples, n))
+    for b in range(samples):
+        rate = rates[b]
+        _fill(rate, ZERO)
+        for t in range(steps):
+            _add(rate, last[t, b])
+        for j in range(n):
+            rate[j] = rate[j] / np.float32(steps)
+
+
+def _network_backward(  # type: ignore[no-untyped-def]
+    grad_rates, x, steps, samples, sizes, parameters, places, gradients, offsets, current_decay, voltage_decay,
+    threshold, window, reset, through_lateral, coding_gradient, grad_strength,
+):  # fmt: skip
+    """From the gradient to the rates ``[B, sizes[L]]`` to ``gradients[k]``, the addresses of those of weight, bias and
+    lateral weights, filled; and with a ``coding_gradient`` ``[1, T]`` to the strength ``[B, sizes[0]]`` that x encodes.
+    """
+    layers = parameters.shape[0]
+    nothing = np.empty((0, 0), np.float32)
+    n = sizes[layers]
+    grad = np.empty((steps, samples, n), np.float32)
+    for b in range(samples):
+        for j in range(n):
+            grad[0, b, j] = grad_rates[b, j] / np.float32(steps)
+    for t in range(1, steps):
+        _copy(grad[t].reshape(samples * n), grad[0].reshape(samples * n))
+    for k in range(layers - 1, -1, -1):
+        n_in, n = sizes[k], sizes[k + 1]
+        _, _, lateral, neighbours, branch, matrix, dendrites = _columns(parameters[k])
+        grad_bias, grad_lateral = _floats(gradients[k, 1], (n,)), _floats(gradients[k, 2], (neighbours, n))
+        _fill(grad_bias, ZERO)
+        for neighbour in range(neighbours):
+            _fill(grad_lateral[neighbour], ZERO)
+        below = np.empty((steps if k > 0 else 0, samples, n_in), np.float32)
+        _layer_backward(
+            grad,
+            x if k == 0 else _floats(places[k - 1, 0], (steps * samples, n_in)),
+            _bytes(branch, (n if branch != 0 else 0, n_in)),
+            _floats(matrix if matrix != 0 else places[k, 3], (dendrites * n, n_in)),
+            _floats(places[k, 0], (steps, samples, n)),
+            _floats(places[k, 1], (steps, samples, n)),
+            _bytes(places[k, 2], (steps if dendrites > 1 else 0, samples, n)),
+            _floats(lateral, (neighbours, n)),
+            offsets, current_decay, voltage_decay, threshold, window, reset, through_lateral,
+            coding_gradient if k == 0 else nothing,
+            grad_strength if k == 0 else below.reshape(steps * samples, n_in),
+            _floats(gradients[k, 0], (n, n_in)),
+            grad_bias,
+            grad_lateral,
+        )  # fmt: skip
+        grad = below
+
+
 _PASSES = (
     _fill, _copy, _add, _add_product, _add_two_products, _maxout_first, _maxout_next, _current, _membrane, _fire,
     _membrane_gradient, _current_gradient, _branch_gradient,
 )  # fmt: skip
-for _function in (*_PASSES, _spread, _gather, _product, _forward, _backward):
+for _function in (
+    *_PASSES, _spread, _gather, _product, _forward, _backward, _layer_forward, _layer_backward, _floats, _bytes,
+    _columns,
+):  # fmt: skip
     globals()[_function.__name__] = njit(error_model="numpy")(_function)
 
 
@@ -333,12 +442,12 @@ def gather_kernel() -> Callable[..., None]:
 
 
 @cache
-def layer_forward_kernel() -> Callable[..., None]:
-    """The compiled layer."""
-    return compiled(_layer_forward, _LAYER_FORWARD)
+def network_forward_kernel() -> Callable[..., None]:
+    """The compiled layers."""
+    return compiled(_network_forward, _NETWORK_FORWARD)
 
 
 @cache
-def layer_backward_kernel() -> Callable[..., None]:
-    """The compiled gradient of the layer."""
-    return compiled(_layer_backward, _LAYER_BACKWARD)
+def network_backward_kernel() -> Callable[..., None]:
+    """The compiled gradient of the layers."""
+    return compiled(_network_backward, _NETWORK_BACKWARD)

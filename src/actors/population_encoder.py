@@ -12,6 +12,8 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from src.actors.coding_kernel import exponent_kernel
+from src.actors.kernels import as_array, takes_kernel
 from src.actors.spike_coding import Coding, StraightThroughSpikes, coding_gradient, encode
 from src.config import EncoderConfig
 
@@ -71,23 +73,44 @@ class PopulationEncoder(nn.Module):
 
 
 class GaussianReceptiveFields(torch.autograd.Function):
-    """The strength ``[B, N, J]`` of an observation ``[B, N]``; its gradient by hand (autograd keeps six copies)."""
+    """:func:`receptive_fields`; its gradient by hand (autograd keeps six copies)."""
 
     @staticmethod
     def forward(ctx: Any, observation: Tensor, mean: Tensor, std: Tensor) -> Tensor:
         """``exp(-(s - mu)^2 / (2 sigma^2))``."""
-        distance = observation.unsqueeze(-1) - mean
-        strength = torch.exp(distance.square().mul_(-0.5 / std.square()))
+        distance, strength = receptive_fields(observation, mean, std)
         ctx.save_for_backward(distance, strength, std)
         return strength
 
     @staticmethod
     def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor | None, Tensor, Tensor]:
-        """``dA/dmu = A (s - mu) / sigma^2``, ``dA/dsigma = A (s - mu)^2 / sigma^3``, ``dA/ds = -dA/dmu``."""
+        """Gradients to observation, mean and std."""
         distance, strength, std = ctx.saved_tensors
-        slope = grads[0] * strength * distance
-        variance = std.square()
-        grad_mean = slope.sum(0) / variance
-        grad_std = (slope * distance).sum(0) / (variance * std)
-        grad_observation = -(slope / variance).sum(-1) if ctx.needs_input_grad[0] else None
-        return grad_observation, grad_mean, grad_std
+        return receptive_field_gradients(grads[0], distance, strength, std, ctx.needs_input_grad[0])
+
+
+def receptive_fields(observation: Tensor, mean: Tensor, std: Tensor) -> tuple[Tensor, Tensor]:
+    """``s - mu`` and the strength ``exp(-(s - mu)^2 / (2 sigma^2))``, ``[B, N, J]``, of an observation ``[B, N]``."""
+    if not (takes_kernel(observation) and takes_kernel(mean)):
+        distance = observation.unsqueeze(-1) - mean
+        return distance, torch.exp(distance.square().mul_(-0.5 / std.square()))
+    if observation.shape[1:] != mean.shape[:1]:
+        raise ValueError(f"the encoder takes observations [B, {mean.shape[0]}], not {[*observation.shape]}")
+    distance, strength = (torch.empty(*observation.shape, mean.shape[1]) for _ in range(2))
+    exponent_kernel()(*(as_array(x) for x in (observation, mean, std)), distance.numpy(), strength.numpy())
+    return distance, strength.exp_()
+
+
+def receptive_field_gradients(
+    grad: Tensor, distance: Tensor, strength: Tensor, std: Tensor, to_observation: bool
+) -> tuple[Tensor | None, Tensor, Tensor]:
+    """``dA/dmu = A (s - mu) / sigma^2``, ``dA/dsigma = A (s - mu)^2 / sigma^3``, ``dA/ds = -dA/dmu``.
+
+    From the gradient to the strength ``[B, N, J]`` to those of the observation ``[B, N]`` (or None), mean and std.
+    """
+    slope = grad * strength * distance
+    variance = std.square()
+    grad_mean = slope.sum(0) / variance
+    grad_std = (slope * distance).sum(0) / (variance * std)
+    grad_observation = -(slope / variance).sum(-1) if to_observation else None
+    return grad_observation, grad_mean, grad_std

@@ -17,13 +17,14 @@ import torch
 from torch import Tensor, nn
 
 from src.actors.actor import Actor
+from src.actors.actor_op import Network, fused_actor
 from src.actors.decoder import PopulationDecoder
-from src.actors.health import ActorHealth, LayerHealth, layer_health
+from src.actors.health import ActorHealth, Trace, layer_health
 from src.actors.initialisation import Initialiser
-from src.actors.layer_op import Encoded
 from src.actors.lif import LIFConstants
 from src.actors.population_encoder import PopulationEncoder
 from src.actors.spiking_layer import SpikingLayer
+from src.actors.synapse import Encoded
 from src.config import EncoderConfig, SpikingActorConfig
 from src.streams import Streams
 
@@ -77,35 +78,36 @@ class SpikingActor(Actor):
             )
             self.layers.append(layer)
         self.decoder = PopulationDecoder(action_size, config.output_population, initialiser.at("decoder"))
+        self._network = Network(self.encoder, self.spiking_layers(), self.decoder)
 
     def forward(self, observation: Tensor, generator: torch.Generator | None = None) -> Tensor:
         """Raw action ``[B, M]``; raises ValueError when Poisson coding has no generator."""
-        return self._pass(observation, generator, None)
+        return self._pass(observation, generator, trace=False)[0]
 
     def forward_with_health(
         self, observation: Tensor, generator: torch.Generator | None = None
     ) -> tuple[Tensor, ActorHealth]:
         """:meth:`forward`, and the firing rates and saturation of every layer in the same pass."""
-        health: list[Tensor | LayerHealth] = []
-        raw = self._pass(observation, generator, health)
-        input_rate, *layers = health
-        return raw, ActorHealth(input_rate, tuple(layers))  # type: ignore[arg-type]
+        raw, trace = self._pass(observation, generator, trace=True)
+        health = [
+            layer_health(*what, layer.constants.threshold, layer.constants.window)
+            for what, layer in zip(trace.layers, self.spiking_layers(), strict=True)
+        ]
+        return raw, ActorHealth(trace.input_spikes.mean(), tuple(health))
 
-    def _pass(
-        self, observation: Tensor, generator: torch.Generator | None, health: list[Tensor | LayerHealth] | None
-    ) -> Tensor:
+    def _pass(self, observation: Tensor, generator: torch.Generator | None, trace: bool) -> tuple[Tensor, Trace]:
+        if self._network.takes(observation):
+            return fused_actor(self._network, observation, generator, trace)
         strength = self.encoder.strength(observation)
         spikes = self.encoder.encode(strength, generator)
-        if health is not None:
-            health.append(spikes.mean())
+        seen = Trace(spikes, [])
         encoded: Encoded | None = Encoded(strength, self.encoder.coding_gradient())
         for layer in self.spiking_layers():
-            spikes, membrane_potential = layer(spikes, encoded, membrane=health is not None)
+            spikes, potentials = layer(spikes, encoded, membrane=trace)
             encoded = None
-            if health is not None and membrane_potential is not None:
-                constants = layer.constants
-                health.append(layer_health(spikes, membrane_potential, constants.threshold, constants.window))
-        return self.decoder(spikes)
+            if trace:
+                seen.layers.append((spikes, potentials))
+        return self.decoder(spikes), seen
 
     def spiking_layers(self) -> list[SpikingLayer]:
         """The layers in the order of the data, the output population last."""

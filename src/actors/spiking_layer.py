@@ -6,12 +6,10 @@ import numpy as np
 from torch import Tensor, nn
 
 from src.actors.initialisation import Initialiser
-from src.actors.kernels import takes_kernel
 from src.actors.lateral import LateralInteraction
-from src.actors.layer_op import Encoded, Structure, fused_layer
 from src.actors.lif import LIFConstants
 from src.actors.lif_op import lif
-from src.actors.synapse import Synapse
+from src.actors.synapse import Encoded, Synapse
 from src.config import DendriticConfig, LateralConfig
 
 
@@ -55,8 +53,5 @@ class SpikingLayer(nn.Module):
         """
         synapse = self.synapse
         lateral, offsets = (None, ()) if self.lateral is None else (self.lateral(), self.lateral.offsets)
-        if synapse.bias_per_branch or not (takes_kernel(spikes) and takes_kernel(synapse.weight)):
-            currents = synapse(spikes) if encoded is None else synapse.encoded(encoded.strength, spikes, encoded[1])
-            return lif(currents, synapse.neuron_bias, lateral, offsets, synapse.branches, self.constants, membrane)
-        structure = Structure(*synapse.spreading(), synapse.branches, offsets, self.constants)
-        return fused_layer(encoded, spikes, synapse.weight, synapse.bias, lateral, structure, membrane)
+        currents = synapse(spikes) if encoded is None else synapse.encoded(spikes, encoded)
+        return lif(currents, synapse.neuron_bias, lateral, offsets, synapse.branches, self.constants, membrane)

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from src.actors.health import LayerHealth, layer_health
+from src.actors.health import Trace
 from src.actors.lif import lif_step, maxout
 from src.actors.population_encoder import PopulationEncoder
 from src.actors.spike_coding import poisson_draws
@@ -35,21 +35,14 @@ class StraightThroughStep(torch.autograd.Function):
 class StepwiseSpikingActor(SpikingActor):
     """:class:`SpikingActor`, computed step by step."""
 
-    def _pass(
-        self, observation: Tensor, generator: torch.Generator | None, health: list[Tensor | LayerHealth] | None
-    ) -> Tensor:
+    def _pass(self, observation: Tensor, generator: torch.Generator | None, trace: bool) -> tuple[Tensor, Trace]:
         spikes = encoder_steps(self.encoder, observation, generator)
-        if health is not None:
-            health.append(torch.stack(spikes).detach().mean())
+        seen = Trace(torch.stack(spikes).detach(), [])
         for layer in self.spiking_layers():
             spikes, potentials = layer_steps(layer, spikes)
-            if health is not None:
-                constants = layer.constants
-                layers = layer_health(
-                    torch.stack(spikes), torch.stack(potentials), constants.threshold, constants.window
-                )
-                health.append(layers)
-        return self.decoder(torch.stack(spikes))
+            if trace:
+                seen.layers.append((torch.stack(spikes), torch.stack(potentials)))
+        return self.decoder(torch.stack(spikes)), seen
 
 
 def encoder_steps(encoder: PopulationEncoder, observation: Tensor, generator: torch.Generator | None) -> list[Tensor]:

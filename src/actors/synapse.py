@@ -8,7 +8,7 @@ neuron (:mod:`src.actors.lif`). Each synapse lies on exactly one branch, so the 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -19,6 +19,13 @@ from src.actors.branch_weights import BranchWeights, spread
 from src.actors.initialisation import Initialiser
 from src.actors.partition import dendritic_partition
 from src.config import DendriticConfig
+
+
+class Encoded(NamedTuple):
+    """What the first layer's input spikes encode."""
+
+    strength: Tensor  # A, [B, inputs]
+    coding_gradient: list[float]  # d spike_tau / d A, for tau = 1..T
 
 
 class Synapse(nn.Module):
@@ -101,9 +108,10 @@ class Synapse(nn.Module):
         """Branch currents of all steps in one product, ``[T, B, inputs] -> [T, B, d*n]``."""
         return F.linear(spikes, self.branch_weights(), self.branch_bias)
 
-    def encoded(self, strength: Tensor, spikes: Tensor, coding_gradient: list[float]) -> Tensor:
+    def encoded(self, spikes: Tensor, encoded: Encoded) -> Tensor:
         """:meth:`forward` on spikes that encode a strength ``[B, inputs]``, with straight-through gradient to it."""
-        return EncodedCurrents.apply(strength, spikes, self.branch_weights(), self.branch_bias, coding_gradient)  # type: ignore[no-untyped-call]
+        weight, bias = self.branch_weights(), self.branch_bias
+        return EncodedCurrents.apply(encoded.strength, spikes, weight, bias, encoded.coding_gradient)  # type: ignore[no-untyped-call]
 
     def __getstate__(self) -> dict[str, Any]:
         return self.__dict__ | {"_fixed": False, "_kept": None}

@@ -17,7 +17,7 @@ from src.actors.initialisation import Initialiser
 from src.actors.lateral import LateralInteraction, neighbour_offsets
 from src.actors.partition import dendritic_partition
 from src.actors.spike_coding import StraightThroughSpikes, coding_gradient
-from src.actors.synapse import Synapse
+from src.actors.synapse import Encoded, Synapse
 from src.config import ConfigurationError
 from src.streams import Streams
 from tests.actors.configuration import configuration
@@ -135,7 +135,7 @@ def test_first_layer_gradient(coding, branches):
         strength = torch.rand(4, 12, dtype=torch.float64, generator=torch.Generator().manual_seed(0)).requires_grad_()
         spikes = StraightThroughSpikes.apply(strength, coding, 5, 0.9, torch.Generator().manual_seed(1))
         if fused:
-            currents = module.encoded(strength, spikes.detach(), coding_gradient(coding, 5, 0.9))
+            currents = module.encoded(spikes.detach(), Encoded(strength, coding_gradient(coding, 5, 0.9)))
         else:
             currents = module(spikes)
         (currents * weights).sum().backward()

@@ -1,11 +1,13 @@
-"""A layer in one compiled call against the operators it replaces, bit for bit, and against the steps one by one."""
+"""The compiled actor against the operators it replaces, bit for bit, and against the steps one by one."""
 
 from __future__ import annotations
+
+import copy
 
 import pytest
 import torch
 
-from src.actors import spiking_layer
+from src.actors import actor_op, population_encoder
 from src.actors.build import build_actor
 from src.streams import Streams
 from tests.actors.configuration import configuration
@@ -27,7 +29,8 @@ def results(actor, batch, fused, monkeypatch):
     draws = lambda: torch.Generator().manual_seed(3)  # noqa: E731
     with monkeypatch.context() as patch:
         if not fused:
-            patch.setattr(spiking_layer, "takes_kernel", lambda tensor: False)
+            for module in (actor_op, population_encoder):
+                patch.setattr(module, "takes_kernel", lambda tensor: False)
         raw, health = actor.forward_with_health(observation, draws())
         leaves = [observation, *actor.parameters()]
         gradients = torch.autograd.grad((raw * torch.linspace(-1, 1, raw.numel()).view_as(raw)).sum(), leaves)
@@ -72,13 +75,49 @@ def test_equals_autograd_of_the_steps(name):
 
 
 def test_non_contiguous_input_and_frozen_parts():
-    """Strided spikes; and what needs no gradient gets none."""
-    layer = build_actor(configuration("bptsan"), 11, 3, Streams(0)).spiking_layers()[1]
-    spikes = (torch.rand(6, 5, 256, generator=torch.Generator().manual_seed(0)) < 0.3).float().transpose(0, 1)
-    expected = layer(spikes.contiguous())[0]
-    assert torch.equal(layer(spikes)[0], expected)
-    assert layer(spikes[:, :0])[0].shape == (5, 0, 256)
-    layer.synapse.weight.requires_grad_(False)
-    layer(spikes)[0].mean(0).sum().backward()
-    assert layer.synapse.weight.grad is None
-    assert layer.synapse.bias.grad.abs().sum() > 0
+    """Strided observations and weights; and what needs no gradient gets none."""
+    actor = build_actor(configuration("bptsan", "deterministic"), 11, 3, Streams(0))
+    observation = torch.randn(11, 6)
+    expected = actor(observation.t().contiguous())
+    assert torch.equal(actor(observation.t()), expected)
+    synapse = actor.spiking_layers()[1].synapse
+    synapse.weight.data = synapse.weight.detach().t().contiguous().t()
+    assert torch.equal(actor(observation.t()), expected)
+    synapse.weight.requires_grad_(False)
+    actor(observation.t()).sum().backward()
+    assert synapse.weight.grad is None
+    assert synapse.bias.grad.abs().sum() > 0
+
+
+def test_an_empty_batch_gives_no_actions():
+    actor = build_actor(configuration("bptsan", "deterministic"), 11, 3, Streams(0))
+    assert actor(torch.zeros(0, 11)).shape == (0, 3)
+
+
+def test_wrong_shapes_are_refused():
+    """The kernels take addresses and check nothing."""
+    actor = build_actor(configuration("bptsan", "deterministic"), 11, 3, Streams(0))
+    with pytest.raises(ValueError, match=r"takes observations \[B, 11\], not \[2, 12\]"):
+        actor(torch.zeros(2, 12))
+    layer = actor.spiking_layers()[1]
+    layer.synapse.weight.data = torch.zeros(256, 255)
+    with pytest.raises(ValueError, match="do not fit each other"):
+        actor(torch.zeros(2, 11))
+
+
+def test_a_second_derivative_is_refused_rather_than_wrong():
+    actor = build_actor(configuration("bptsan", "deterministic"), 11, 3, Streams(0))
+    (gradient,) = torch.autograd.grad(actor(torch.randn(4, 11)).sum(), actor.decoder.weight, create_graph=True)
+    with pytest.raises(RuntimeError):
+        gradient.square().sum().backward()
+
+
+def test_copies_of_an_actor_compute_with_their_own_weights():
+    """The target networks of TD3 are such copies."""
+    actor = build_actor(configuration("bptsan", "deterministic"), 11, 3, Streams(0))
+    twin, observation = copy.deepcopy(actor), torch.randn(4, 11)
+    assert torch.equal(twin(observation), actor(observation))
+    with torch.no_grad():
+        for parameter in twin.parameters():
+            parameter.mul_(0.5)
+    assert not torch.equal(twin(observation), actor(observation))
