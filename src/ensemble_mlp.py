@@ -286,8 +286,9 @@ class EnsembleMLP(nn.Module):
         Returns:
             The outputs ``[E', B]``, and the gradient of ``scale * sum over B of min over E' of output`` to ``second``.
         """
-        if self.biases[-1].shape[2] != 1 or self.final_relu:
-            raise ValueError("the smallest output is that of networks with one output each")
+        ensemble, _, outputs = self.biases[-1].shape
+        if outputs != 1 or self.final_relu or not 1 <= members <= ensemble:
+            raise ValueError(f"the smallest output is that of 1 to {ensemble} networks with one output each")
         parameters = [p[:members] for p in self.parameter_pairs]
         x = torch.cat([first, second], dim=-1)
         if _takes_kernel(x, parameters[0]):

@@ -180,12 +180,13 @@ def _descend(E, B, sizes, parameters, x, scale, outputs, input_gradient, start, 
     for b in range(B):
         smallest, ties = outputs[0, b], 1
         for e in range(1, E):
-            if outputs[e, b] < smallest:
+            if outputs[e, b] < smallest or outputs[e, b] != outputs[e, b]:  # not a number: the smallest is none either
                 smallest, ties = outputs[e, b], 1
             elif outputs[e, b] == smallest:
                 ties += 1
         for e in range(E):
-            g[e, b] = scale / np.float32(ties) if outputs[e, b] == smallest else ZERO
+            share = scale / np.float32(ties) if smallest == smallest else smallest
+            g[e, b] = ZERO if outputs[e, b] > smallest else share
     _backward(E, B, sizes, parameters, hidden, address, 0, np.empty(0, np.int64), input_gradient, start, stop)
     _keep(memory)
 

@@ -7,6 +7,7 @@ import pytest
 import torch
 from torch import nn
 
+from src import ensemble_mlp
 from src.algorithms.critic import TwinCritic
 from src.algorithms.td3 import critic_loss
 from src.ensemble_mlp import EnsembleMLP
@@ -82,6 +83,36 @@ def test_the_gradient_of_the_smallest_output_is_autograds(members: int, dtype: t
     (expected_gradient,) = torch.autograd.grad(-0.25 * expected.amin(dim=0).sum(), second)
     torch.testing.assert_close(gradient, expected_gradient)
     assert not outputs.requires_grad and not gradient.requires_grad
+
+
+def test_the_gradient_of_the_smallest_output_is_compiled_and_takes_strided_arrays(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    network = EnsembleMLP([5, 16, 16, 1], 2, Streams(0), "test")
+    first, second = torch.randn(3, 8).t(), torch.randn(4, 8).t()[:, :2]
+    expected = network.smallest_output_gradient(first.contiguous(), second.contiguous(), 1.0, 2)
+    network.weights[1].data = network.weights[1].detach().transpose(1, 2).contiguous().transpose(1, 2)
+    monkeypatch.setattr(ensemble_mlp, "_smallest_output_gradient", None)  # the way without the kernel
+    for one, other in zip(network.smallest_output_gradient(first, second, 1.0, 2), expected, strict=True):
+        assert torch.equal(one, other)
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+@pytest.mark.parametrize("member", [0, 1])
+def test_the_smallest_of_what_is_not_a_number_is_none(member: int, dtype: torch.dtype) -> None:
+    network = EnsembleMLP([5, 8, 1], 2, Streams(0), "test").to(dtype)
+    network.biases[1].data[member] = torch.nan
+    first, second = torch.randn(6, 3, dtype=dtype), torch.randn(6, 2, dtype=dtype)
+    outputs, gradient = network.smallest_output_gradient(first, second, 1.0, 2)
+    assert outputs[member].isnan().all()
+    assert gradient.isnan().all()
+
+
+@pytest.mark.parametrize("members", [0, 3])
+def test_networks_that_are_not_there_are_refused(members: int) -> None:
+    network = EnsembleMLP([5, 8, 1], 2, Streams(0), "test")
+    with pytest.raises(ValueError, match="1 to 2 networks"):
+        network.smallest_output_gradient(torch.randn(6, 3), torch.randn(6, 2), 1.0, members)
 
 
 def test_networks_that_tie_share_the_gradient() -> None:

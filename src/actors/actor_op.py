@@ -19,18 +19,20 @@ from torch.autograd.function import once_differentiable
 
 from src.actors.decoder import PopulationDecoder, decode
 from src.actors.health import Trace
-from src.actors.kernels import takes_kernel
+from src.actors.kernels import as_array, takes_kernel
 from src.actors.lif_cpu import offsets_array
 from src.actors.lif_kernel import network_backward_kernel, network_forward_kernel
 from src.actors.population_encoder import PopulationEncoder, receptive_field_gradients, receptive_fields
 from src.actors.spiking_layer import SpikingLayer
 
 _FLOAT = 4  # bytes
-_LINE = 16  # floats of a cache line, at which each part of a block begins
+_LINE = 16  # floats of a cache line, at which each part of what the layers did begins
 
 
 class Network:
-    """The parts of a spiking actor, at hand: a module takes its time to find one."""
+    """The parts of a spiking actor, at hand, since a module takes its time to find one. Who replaces a module makes a
+    network of the new ones; parameters are looked up at each pass.
+    """
 
     def __init__(self, encoder: PopulationEncoder, layers: Sequence[SpikingLayer], decoder: PopulationDecoder) -> None:
         self.encoder, self.decoder = encoder, decoder
@@ -41,7 +43,8 @@ class Network:
 
     def takes(self, observation: Tensor) -> bool:
         """Whether :func:`fused_actor` serves: float32 on the CPU, a bias for each neuron."""
-        return self.bias_per_neuron and takes_kernel(observation) and takes_kernel(self.decoder.weight)
+        tensors = (observation, self.encoder.mean, self.decoder.weight, *(synapse.weight for synapse, _ in self.layers))
+        return self.bias_per_neuron and all(takes_kernel(tensor) for tensor in tensors)
 
 
 def fused_actor(
@@ -71,30 +74,21 @@ def fused_actor(
             None if lateral is None else lateral().contiguous(),
         ]
         connections.append(_Connection(*synapse.spreading(), synapse.branches))
-    call = _Call(network, connections, generator)
-    passes: list[_Pass] = []
-    if torch.is_grad_enabled():
-        raw: Tensor = _FusedActor.apply(call, passes, observation, *parameters)  # type: ignore[no-untyped-call]
-    else:
-        passes.append(_forward(call, observation, parameters, keep=trace))
-        raw = passes[0].raw
-    return raw, passes[0].trace() if trace else Trace(passes[0].spikes, [])
+    with_gradient = torch.is_grad_enabled()
+    with torch.no_grad():
+        done = _forward(network, connections, observation, generator, parameters, keep=trace or with_gradient)
+    raw = done.raw
+    if with_gradient:
+        raw = _FusedActor.apply(network, connections, done, observation, *parameters)  # type: ignore[no-untyped-call]
+    return raw, done.trace() if trace else Trace(done.spikes, [])
 
 
 class _Connection(NamedTuple):
     """What a layer's synapses do not learn."""
 
-    matrix: Tensor | None  # the branch weights [d*n, inputs]; None: to be spread from the weight
-    branch: Tensor | None  # of each synapse, [n, inputs], int8, where the weight is to be spread
-    branches: int  # d
-
-
-class _Call(NamedTuple):
-    """What a pass is given beside observation and parameters."""
-
-    network: Network
-    connections: list[_Connection]
-    generator: torch.Generator | None
+    matrix: Tensor | None  # the branch weights [d*n, inputs], where they are at hand
+    branch: Tensor | None  # of each synapse, [n, inputs], int8, where the weight is to be spread over them
+    branches: int  # d; for 1 there is neither
 
 
 class _Pass(NamedTuple):
@@ -107,7 +101,6 @@ class _Pass(NamedTuple):
     rates: Tensor  # of the output neurons, [B, M, P]
     block: Tensor  # what the layers did
     layout: _Layout  # of the block
-    table: np.ndarray  # of the parameters, as the kernels take it
 
     def trace(self) -> Trace:
         """Spikes and potentials, found in the block."""
@@ -130,76 +123,107 @@ class _Layout(NamedTuple):
 
 @lru_cache(maxsize=256)
 def _layout(
-    spikes: torch.Size, weights: tuple[torch.Size, ...], branches: tuple[int, ...], outputs: int, keep: bool
+    spikes: torch.Size,
+    parameters: tuple[torch.Size | None, ...],
+    branches: tuple[int, ...],
+    neighbours: int,
+    outputs: int,
+    keep: bool,
 ) -> _Layout:
-    """For ``[T, B, inputs]`` and ``[n, inputs]``; raises ValueError where a layer does not fit the one before."""
-    steps, samples, _ = spikes
-    sizes = [spikes[2], *(weight[0] for weight in weights)]
-    if [weight[1] for weight in weights] + [outputs] != sizes:
-        raise ValueError(f"layers that do not fit each other: inputs {spikes[2]}, weights {[[*w] for w in weights]}")
+    """For input spikes ``[T, B, inputs]`` and the shapes of each layer's weight, bias and lateral weights.
+
+    Raises:
+        ValueError: shapes that do not fit each other; the kernels, which take addresses, would not notice.
+    """
+    steps, samples, inputs = spikes
+    weights = [shape for shape in parameters[::3] if shape is not None]
+    sizes = [inputs, *(n for n, _ in weights)]
+    fit = [below for _, below in weights] + [outputs] == sizes
+    for n, bias, lateral in zip(sizes[1:], parameters[1::3], parameters[2::3], strict=True):
+        fit = fit and bias == (n,) and lateral in (None, (neighbours, n))
+    if not fit:
+        told = [None if shape is None else [*shape] for shape in parameters]
+        raise ValueError(f"parameters that do not fit {inputs} inputs and {outputs} outputs, or each other: {told}")
     places, end = [], 0
-    for (n, inputs), d in zip(weights, branches, strict=True):
+    for (n, below), d in zip(weights, branches, strict=True):
         neurons = steps * samples * n
         kept = neurons if keep else 0
         row = []
-        for count in (neurons, kept, (kept + _FLOAT - 1) // _FLOAT if d > 1 else 0, d * n * inputs if d > 1 else 0):
+        for count in (neurons, kept, (kept + _FLOAT - 1) // _FLOAT if d > 1 else 0, d * n * below if d > 1 else 0):
             row.append(end * _FLOAT)
             end += (count + _LINE - 1) // _LINE * _LINE
         places.append(row)
     return _Layout(np.array(sizes, np.int64), np.array(places, np.int64), end)
 
 
-def _forward(call: _Call, observation: Tensor, parameters: Sequence[Any], keep: bool) -> _Pass:
+def _forward(
+    network: Network,
+    connections: Sequence[_Connection],
+    observation: Tensor,
+    generator: torch.Generator | None,
+    parameters: Sequence[Any],
+    keep: bool,
+) -> _Pass:
     """Parameters: mean, std, weight and bias of the decoder, then weight, bias and lateral weights of each layer."""
     mean, std, decoder_weight, decoder_bias, *own = parameters
     distance, strength = receptive_fields(observation, mean, std)
-    spikes = call.network.encoder.encode(strength.flatten(1), call.generator)
+    spikes = network.encoder.encode(strength.flatten(1), generator)
     steps, samples, inputs = spikes.shape
-    branches = tuple(connection.branches for connection in call.connections)
-    weights = tuple(weight.shape for weight in own[::3])
-    layout = _layout(spikes.shape, weights, branches, decoder_weight.numel(), keep)
-    rows = zip(own[::3], own[1::3], own[2::3], call.connections, strict=True)
-    table = np.array([_row(*row) for row in rows])
+    shapes = tuple(None if parameter is None else parameter.shape for parameter in own)
+    branches = tuple(connection.branches for connection in connections)
+    layout = _layout(spikes.shape, shapes, branches, len(network.offsets), decoder_weight.numel(), keep)
     block, rates = torch.empty(layout.floats), torch.empty(samples, *decoder_weight.shape)
     network_forward_kernel()(
         spikes.view(steps * samples, inputs).numpy(),
         steps,
         samples,
         layout.sizes,
-        table,
+        _table(own, connections),
         layout.places + block.data_ptr(),
-        offsets_array(call.network.offsets),
-        *call.network.constants[:3],
+        offsets_array(network.offsets),
+        *network.constants[:3],
         keep,
         rates.flatten(1).numpy(),
     )
-    raw = decode(rates, decoder_weight, decoder_bias)
-    return _Pass(raw, distance, strength, spikes, rates, block, layout, table)
+    return _Pass(decode(rates, decoder_weight, decoder_bias), distance, strength, spikes, rates, block, layout)
 
 
-def _row(weight: Tensor, bias: Tensor, lateral: Tensor | None, connection: _Connection) -> list[int]:
-    matrix, branch, branches = connection
-    return [
-        weight.data_ptr(),
-        bias.data_ptr(),
-        0 if lateral is None else lateral.data_ptr(),
-        0 if lateral is None else lateral.shape[0],
-        0 if branch is None else branch.data_ptr(),
-        0 if matrix is None else matrix.data_ptr(),
-        branches,
-    ]
+def _table(own: Sequence[Any], connections: Sequence[_Connection]) -> np.ndarray:
+    """The layers' parameters as the kernels take them: addresses, 0 for none."""
+    rows = []
+    for weight, bias, lateral, (matrix, branch, branches) in zip(
+        own[::3], own[1::3], own[2::3], connections, strict=True
+    ):
+        at_hand = weight if branches == 1 else matrix
+        rows.append(
+            [
+                weight.data_ptr(),
+                bias.data_ptr(),
+                0 if lateral is None else lateral.data_ptr(),
+                0 if lateral is None else lateral.shape[0],
+                0 if branch is None else branch.data_ptr(),
+                0 if at_hand is None else at_hand.data_ptr(),
+                branches,
+            ]
+        )
+    return np.array(rows, np.int64)
 
 
 class _FusedActor(torch.autograd.Function):
-    """:func:`_forward` and its gradient by hand."""
+    """A pass that is done, and its gradient by hand."""
 
     @staticmethod
-    def forward(ctx: Any, call: _Call, passes: list[_Pass], observation: Tensor, *parameters: Tensor | None) -> Tensor:
-        """Raw action; the pass is appended to ``passes``."""
-        done = _forward(call, observation, parameters, keep=True)
-        passes.append(done)
+    def forward(
+        ctx: Any,
+        network: Network,
+        connections: Sequence[_Connection],
+        done: _Pass,
+        observation: Tensor,
+        *parameters: Tensor | None,
+    ) -> Tensor:
+        """Raw action."""
         ctx.save_for_backward(done.distance, done.strength, done.spikes, done.rates, done.block, *parameters)
-        ctx.call, ctx.layout, ctx.table = call, done.layout, done.table
+        ctx.network, ctx.connections, ctx.layout = network, connections, done.layout
         return done.raw
 
     @staticmethod
@@ -208,35 +232,34 @@ class _FusedActor(torch.autograd.Function):
         """Gradients to the observation ``[B, N]`` and to each parameter, as :func:`_forward` takes them."""
         distance, strength, spikes, rates, block, _, std, decoder_weight, _, *own = ctx.saved_tensors
         steps, samples, inputs = spikes.shape
-        to_raw, needed = grads[0], ctx.needs_input_grad[2:]
+        to_raw, (to_observation, to_mean, to_std) = grads[0], ctx.needs_input_grad[3:6]
         to_rates = to_raw.unsqueeze(-1) * decoder_weight
         to_decoder = (to_raw.unsqueeze(-1) * rates).sum(0), to_raw.sum(0)
         counts, starts = _consecutive(tuple(None if parameter is None else parameter.shape for parameter in own))
         to_own = torch.empty(sum(counts))
-        encoder_learns = any(needed[:3])
+        encoder_learns = to_observation or to_mean or to_std
         to_strength = torch.empty(samples if encoder_learns else 0, inputs)
         network_backward_kernel()(
-            to_rates.flatten(1).numpy(),
+            as_array(to_rates.flatten(1)),
             spikes.view(steps * samples, inputs).numpy(),
             steps,
             samples,
             ctx.layout.sizes,
-            ctx.table,
+            _table(own, ctx.connections),
             ctx.layout.places + block.data_ptr(),
             starts + to_own.data_ptr(),
-            offsets_array(ctx.call.network.offsets),
-            *ctx.call.network.constants,
-            _coding_gradient(tuple(ctx.call.network.encoder.coding_gradient())),
+            offsets_array(ctx.network.offsets),
+            *ctx.network.constants,
+            _coding_gradient(tuple(ctx.network.encoder.coding_gradient())),
             to_strength.numpy(),
         )
         to_encoder: tuple[Tensor | None, ...] = (None, None, None)
         if encoder_learns:
             to_encoder = receptive_field_gradients(
-                to_strength.view_as(strength), distance, strength, std, to_observation=needed[0]
+                to_strength.view_as(strength), distance, strength, std, to_observation
             )
-        layers = (part if p is None else part.view(p.shape) for part, p in zip(to_own.split(counts), own))
-        every = (*to_encoder, *to_decoder, *layers)
-        return None, None, *(g if wanted else None for g, wanted in zip(every, needed, strict=True))
+        layers = (None if p is None else part.view(p.shape) for part, p in zip(to_own.split(counts), own))
+        return None, None, None, *to_encoder, *to_decoder, *layers
 
 
 @lru_cache

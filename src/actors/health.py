@@ -13,7 +13,7 @@ from torch import Tensor
 
 
 class Trace(NamedTuple):
-    """What happened in one pass of a spiking actor, without gradient."""
+    """What happened in one pass of a spiking actor."""
 
     input_spikes: Tensor  # of the encoder, [T, B, N*J]
     layers: list[tuple[Tensor, Tensor]]  # spikes and membrane potentials of each layer, [T, B, n]; empty unless asked

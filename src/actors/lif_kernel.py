@@ -327,16 +327,7 @@ def _network_forward(  # type: ignore[no-untyped-def]
     layers = parameters.shape[0]
     for k in range(layers):
         n_in, n = sizes[k], sizes[k + 1]
-        row = parameters[k]
-        weight, bias, lateral, neighbours, branch, matrix, dendrites = (
-            row[0],
-            row[1],
-            row[2],
-            row[3],
-            row[4],
-            row[5],
-            row[6],
-        )
+        weight, bias, lateral, neighbours, branch, matrix, dendrites = _columns(parameters[k])
         kept = steps if keep else 0
         spikes = _floats(places[k, 0], (steps, samples, n))
         _layer_forward(

@@ -81,10 +81,10 @@ class Synapse(nn.Module):
         return self._kept
 
     def spreading(self) -> tuple[Tensor | None, Tensor | None]:
-        """Branch weights at hand without spreading and None, or None and the branch of each synapse."""
-        if self.branch is None or (self._fixed and not torch.is_grad_enabled()):
-            return self.branch_weights(), None
-        return None, self.branch
+        """Branch weights where they are at hand, or the branch of each synapse to spread them by; neither for d = 1."""
+        if self.branch is None or not self._fixed or torch.is_grad_enabled():
+            return None, self.branch
+        return self.branch_weights(), None
 
     def fix(self) -> None:
         """The weights will not change until :meth:`release`."""

@@ -18,8 +18,12 @@ OPTIONS = {
     "three_branches": {"actor__dendritic__branches": 3},
     "shared_lateral": {"actor__lateral__weights": "shared", "actor__lateral__include_self": True},
     "detached": {"actor__reset_gradient": False, "actor__lateral_gradient": False},
+    "detached_reset": {"actor__reset_gradient": False},
+    "detached_lateral": {"actor__lateral_gradient": False},
     "fixed_encoder": {"encoder__learnable": False},
-    "one_step": {"actor__time_steps": 1, "actor__hidden_sizes": [33, 70, 17]},
+    "one_step": {"actor__time_steps": 1, "actor__threshold": 0.05},
+    "widths": {"actor__hidden_sizes": [33, 70, 17], "actor__threshold": 0.1},
+    "one_layer": {"actor__hidden_sizes": [64], "actor__output_population": 1},
 }
 
 
@@ -74,24 +78,50 @@ def test_equals_autograd_of_the_steps(name):
         torch.testing.assert_close(grad, expected, rtol=1e-3, atol=1e-4 * float(expected.abs().max()))
 
 
-def test_non_contiguous_input_and_frozen_parts():
-    """Strided observations and weights; and what needs no gradient gets none."""
-    actor = build_actor(configuration("bptsan", "deterministic"), 11, 3, Streams(0))
+@pytest.mark.parametrize("name", ["popsan", "bptsan"])
+@pytest.mark.parametrize("index", [0, 1, 2])
+def test_non_contiguous_inputs_and_weights(name, index):
+    actor = build_actor(configuration(name, "deterministic"), 11, 3, Streams(0))
     observation = torch.randn(11, 6)
     expected = actor(observation.t().contiguous())
     assert torch.equal(actor(observation.t()), expected)
-    synapse = actor.spiking_layers()[1].synapse
+    synapse = actor.spiking_layers()[index].synapse
     synapse.weight.data = synapse.weight.detach().t().contiguous().t()
     assert torch.equal(actor(observation.t()), expected)
-    synapse.weight.requires_grad_(False)
-    actor(observation.t()).sum().backward()
-    assert synapse.weight.grad is None
-    assert synapse.bias.grad.abs().sum() > 0
+    with torch.no_grad():
+        assert torch.equal(actor(observation.t()), expected)
+
+
+def test_a_transposed_gradient():
+    actor = build_actor(configuration("popsan", actor__output_population=1), 11, 3, Streams(0))
+    raw, gradient = actor(torch.randn(6, 11)), torch.randn(3, 6)
+    leaves = list(actor.parameters())
+    found = torch.autograd.grad(raw, leaves, gradient.t(), retain_graph=True)
+    expected = torch.autograd.grad(raw, leaves, gradient.t().contiguous())
+    assert all(torch.equal(a, b) for a, b in zip(found, expected, strict=True))
+
+
+def test_the_gradient_survives_that_saved_tensors_move():
+    """As checkpointing and offloading move them: the kernels take addresses."""
+    actor = build_actor(configuration("bptsan", actor__lateral__weights="shared"), 11, 3, Streams(0))
+    observation, leaves = torch.randn(6, 11), list(actor.parameters())
+    expected = torch.autograd.grad(actor(observation).sum(), leaves)
+    with torch.autograd.graph.saved_tensors_hooks(lambda tensor: tensor.clone(), lambda tensor: tensor.clone()):
+        raw = actor(observation)
+    for parameter in leaves:
+        parameter.data = parameter.data.clone()
+    junk = [torch.full((256, 256), torch.nan) for _ in range(40)]
+    found = torch.autograd.grad(raw.sum(), leaves)
+    assert len(junk) == 40
+    assert all(torch.equal(a, b) for a, b in zip(found, expected, strict=True))
 
 
 def test_an_empty_batch_gives_no_actions():
     actor = build_actor(configuration("bptsan", "deterministic"), 11, 3, Streams(0))
-    assert actor(torch.zeros(0, 11)).shape == (0, 3)
+    raw = actor(torch.zeros(0, 11))
+    assert raw.shape == (0, 3)
+    gradients = torch.autograd.grad(raw.sum(), list(actor.parameters()))
+    assert all(not gradient.any() for gradient in gradients)
 
 
 def test_wrong_shapes_are_refused():
@@ -99,9 +129,14 @@ def test_wrong_shapes_are_refused():
     actor = build_actor(configuration("bptsan", "deterministic"), 11, 3, Streams(0))
     with pytest.raises(ValueError, match=r"takes observations \[B, 11\], not \[2, 12\]"):
         actor(torch.zeros(2, 12))
-    layer = actor.spiking_layers()[1]
-    layer.synapse.weight.data = torch.zeros(256, 255)
-    with pytest.raises(ValueError, match="do not fit each other"):
+    synapse, lateral = actor.spiking_layers()[1].synapse, actor.spiking_layers()[1].lateral
+    for parameter, shape in ((synapse.weight, (256, 255)), (synapse.bias, (3,)), (lateral.weight, (1, 256))):
+        before, parameter.data = parameter.data, torch.zeros(shape)
+        with pytest.raises(ValueError, match="do not fit"):
+            actor(torch.zeros(2, 11))
+        parameter.data = before
+    actor.layers.double()
+    with pytest.raises(RuntimeError, match="dtype"):  # of the operators, which say so
         actor(torch.zeros(2, 11))
 
 

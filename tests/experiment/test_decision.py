@@ -137,13 +137,17 @@ def test_the_config_on_disk_is_a_valid_configuration_again(tmp_path):
 def test_a_resume_counts_keeps_what_was_and_notes_what_differs(tmp_path):
     config, run = ended(tmp_path, status="interrupted", step=500, wall_time_seconds=12.5, observation_size=11)
     started = run.manifest.started
-    run.update_manifest(processor="Another 9000", versions={**run.manifest.versions, "torch": "1.0"})
+    versions = {**run.manifest.versions, "torch": "1.0"}
+    del versions["scipy"]  # of a time when it was not yet listed
+    run.update_manifest(processor="Another 9000", versions=versions)
     with claim(config) as (again, _):
         manifest = again.manifest
     assert (manifest.times_resumed, manifest.wall_time_seconds, manifest.observation_size) == (1, 12.5, 11)
     assert (manifest.started, manifest.step, manifest.status) == (started, 500, "running")
     assert any("Another 9000 ->" in note for note in manifest.notes)
     assert any("torch 1.0 ->" in note for note in manifest.notes)
+    assert not any("scipy" in note for note in manifest.notes)
+    assert manifest.versions["scipy"]
     assert "Another 9000" in (run.state / "log.txt").read_text()
 
 
