@@ -19,7 +19,7 @@ class RunState(NamedTuple):
     step: int
     total_steps: int
     last_return: float | None
-    steps_per_second: float | None
+    steps_per_second: float | None  # of the last interval; of a complete run over all
     why: str
 
     @property
@@ -81,6 +81,8 @@ def state_of(path: Path) -> RunState:
         state, why = "interrupted", "its process is gone"
     row = last_row(path / "training.csv")
     rate = float(row.get("steps_per_second") or 0) if row else 0.0
+    if state == "complete" and manifest.wall_time_seconds > 0:
+        rate = manifest.step / manifest.wall_time_seconds
     returns = last_return(path / "evaluations.csv")
     return RunState(seed, state, manifest.step, manifest.total_steps, returns, rate or None, why)
 

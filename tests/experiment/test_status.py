@@ -7,6 +7,7 @@ import pytest
 from src import status
 from src.experiment.claim import claim
 from src.experiment.manifest import Failure
+from src.experiment.study import rows
 from tests.experiment.cells import smoke
 
 
@@ -44,6 +45,13 @@ def test_a_live_run_is_running_and_its_time_left_is_told(study, tmp_path, capsys
     with claim(smoke(tmp_path, "seed=1")):
         status.main([str(study)])
     assert "20 s" in capsys.readouterr().out  # 1,000 steps at 50 a second
+
+
+def test_a_complete_run_is_as_fast_as_it_was_over_all(study, tmp_path):
+    with claim(smoke(tmp_path, "seed=4")) as (run, _):
+        run.training.append({"step": 2000, "steps_per_second": 50.0})
+        run.update_manifest(status="complete", step=2000, wall_time_seconds=16.0)
+    assert {one.seed: one.steps_per_second for one in rows(study)[1].runs} == {0: 50.0, 1: 50.0, 3: 50.0, 4: 125.0}
 
 
 def test_json(study, capsys):
