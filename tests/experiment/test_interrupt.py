@@ -36,7 +36,7 @@ def alive(pid):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_one_signal_takes_a_checkpoint_and_the_same_command_goes_on(tmp_path, number):
-    sweep = start(tmp_path, *GRID, sleep=0.3)
+    sweep = start(tmp_path, *GRID, sleep=1.5)  # long enough for the slower of two starts
     wait_for(begun(tmp_path, 0, 1))
     jobs = pids(tmp_path, (0, 1))
     if number == signal.SIGINT:
@@ -71,7 +71,7 @@ def test_a_second_ctrl_c_kills_jobs_that_do_not_stop(tmp_path):
 
 
 def test_a_killed_launcher_leaves_no_orphan(tmp_path):
-    sweep = start(tmp_path, *GRID, sleep=0.3)
+    sweep = start(tmp_path, *GRID, sleep=1.5)  # long enough for the slower of two starts
     wait_for(begun(tmp_path, 0, 1))
     jobs = pids(tmp_path, (0, 1))
     sweep.kill()
@@ -91,7 +91,7 @@ def test_two_launchers_at_once_run_no_cell_twice(tmp_path):
 
 
 def test_a_single_run_is_interrupted_resumes_and_is_skipped(tmp_path):
-    single = start(tmp_path, "protocol=smoke", sleep=0.3)
+    single = start(tmp_path, "protocol=smoke", sleep=1.5)
     wait_for(begun(tmp_path, 0))
     os.kill(single.pid, signal.SIGINT)
     done = Done(single)
