@@ -75,7 +75,7 @@ def check_writable(config: ExperimentConfig) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
-            pass
+            pass  # that it can be made is all we ask
     except OSError as error:
         raise ConfigurationError(
             f"results_dir: {config.results_dir} can't be written ({error.strerror}); choose another folder."

@@ -145,4 +145,4 @@ def _fill(path: Path) -> None:
             while True:
                 file.write(bytes(4096))
         except OSError:
-            pass
+            pass  # full, as it should be

@@ -175,7 +175,7 @@ def test_a_live_process_is_busy_and_a_killed_one_never_blocks(tmp_path):
         assert ready.wait(20)
         assert decide(config).action is Action.BUSY
         with pytest.raises(BusyError, match="held by a live process"), claim(config):
-            pass
+            pass  # never reached
     finally:
         holder.kill()
         holder.join()
