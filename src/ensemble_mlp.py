@@ -1,7 +1,7 @@
-"""An ensemble of ReLU networks as one differentiable operation, with its backward written by hand.
+"""An ensemble of ReLU networks with its backward written by hand.
 
 Eager autograd spends more time on bookkeeping than on the products of networks this small (batch 100, width 256). Here
-the whole ensemble of E networks is one node of the graph:
+the whole ensemble of E networks is one call in each direction:
 
     h_0 = x,   h_k = relu(h_{k-1} W_k + b_k) for k < L,   y = h_{L-1} W_L + b_L
     dW_k = h_{k-1}^T g_k,   db_k = sum_B g_k,   g_{k-1} = (g_k W_k^T) * 1[h_{k-1} > 0]
@@ -13,63 +13,45 @@ and autograd.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor, nn
-from torch.autograd.function import once_differentiable
 
-from src.actors.kernels import as_array, takes_kernel
+from src.actors.kernels import as_array, check_destinations, takes_kernel
 from src.ensemble_mlp_kernel import backward_kernel, descend_kernel, forward_kernel, regress_kernel
 from src.streams import Streams
 
-
-class _EnsembleMLPFunction(torch.autograd.Function):
-    """``apply(final_relu, first, second, W_1, b_1, ..., W_L, b_L)`` on ``cat([first, second], -1)``, or ``first``."""
-
-    @staticmethod
-    def forward(ctx: Any, final_relu: bool, first: Tensor, second: Tensor | None, *parameters: Tensor) -> Tensor:
-        hidden = _outputs(final_relu, first, second, parameters, keep=True)
-        ctx.fused = _takes_kernel(hidden[0], parameters[0])
-        ctx.save_for_backward(*(hidden if final_relu else hidden[:-1]), *parameters)
-        ctx.parameters, ctx.final_relu = len(parameters), final_relu
-        ctx.split = first.shape[-1]
-        return hidden[-1]
-
-    @staticmethod
-    @once_differentiable
-    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
-        saved = ctx.saved_tensors
-        hidden, parameters = saved[: -ctx.parameters], saved[-ctx.parameters :]
-        _, need_first, need_second, *need = ctx.needs_input_grad
-        columns = (0 if need_first else ctx.split, hidden[0].shape[-1] if need_second else ctx.split)
-        backward = _fused_backward if ctx.fused else _backward
-        g_input, g_parameters = backward(gradients[0], hidden, parameters, ctx.final_relu, columns, any(need))
-        split = ctx.split if need_first else 0
-        return (
-            None,
-            g_input[..., :split] if need_first else None,
-            g_input[..., split:] if need_second else None,
-            *g_parameters,
-        )
+#: From the gradient to the outputs ``[E, B, out]``, where those of ``W_1, b_1, ..., W_L, b_L`` belong, and whether the
+#: input's is wanted, to that, ``[B, in]``, or None.
+Pull = Callable[[Tensor, Sequence[Tensor], bool], Tensor | None]
 
 
-Gradients = tuple[Tensor, Sequence[Tensor | None]]  # of some columns of the input; of W_1, b_1, ..., W_L, b_L
+def ensemble_mlp(parameters: Sequence[Tensor], final_relu: bool, x: Tensor) -> Tensor:
+    """Outputs ``[E, B, out]`` of networks ``W_1, b_1, ..., W_L, b_L`` on ``[B, in]`` (or ``[E, B, in]``).
 
-
-def _outputs(
-    final_relu: bool, first: Tensor, second: Tensor | None, parameters: Sequence[Tensor], keep: bool
-) -> list[Tensor]:
-    """The input ``[B, in]`` (or ``[E, B, in]``), the outputs ``[E, B, out]`` of the layers between it and the last
-    where they are to be kept for a gradient, and the last one's.
+    Where gradients are recorded, in PyTorch's operators: autograd works as ever.
     """
-    x = first if second is None else torch.cat([first, second], dim=-1)
+    if torch.is_grad_enabled() or not _takes_kernel(x, parameters[0]):
+        return _forward(x, parameters, final_relu)[-1]
+    return _fused_forward(x, parameters, final_relu, keep=False)[-1]
+
+
+@torch.no_grad()
+def ensemble_mlp_vjp(parameters: Sequence[Tensor], final_relu: bool, x: Tensor) -> tuple[Tensor, Pull]:
+    """:func:`ensemble_mlp` on ``[B, in]`` without autograd, and its vector-Jacobian product (as of ``torch.func.vjp``).
+
+    The second result takes the gradient to the outputs and fills those of the parameters, before any of them changes.
+    """
     if _takes_kernel(x, parameters[0]):
-        return _fused_forward(x, parameters, final_relu, keep)
-    return _forward(x, parameters, final_relu)
+        parameters = _contiguous(parameters)
+        hidden = _fused_forward(x, parameters, final_relu, keep=True)
+        return hidden[-1], partial(_fused_pull, hidden, parameters, final_relu)
+    hidden = _forward(x, parameters, final_relu)
+    return hidden[-1], partial(_pull, hidden, parameters, final_relu)
 
 
 def _forward(x: Tensor, parameters: Sequence[Tensor], final_relu: bool) -> list[Tensor]:
@@ -84,29 +66,27 @@ def _forward(x: Tensor, parameters: Sequence[Tensor], final_relu: bool) -> list[
     return hidden
 
 
-def _backward(
-    g: Tensor,
+@torch.no_grad()
+def _pull(
     hidden: Sequence[Tensor],
     parameters: Sequence[Tensor],
     final_relu: bool,
-    columns: tuple[int, int],
-    to_parameters: bool,
-) -> Gradients:
-    """The gradients of :func:`_forward`, those of the input for the columns from the first to before the second."""
+    g: Tensor,
+    gradients: Sequence[Tensor],
+    to_input: bool,
+) -> Tensor | None:
+    """The gradients of :func:`_forward` on ``[B, in]``."""
+    check_destinations(gradients, parameters)
     weights = parameters[0::2]
-    shared_input = hidden[0].dim() == 2
-    gradients: list[Tensor | None] = [None] * (2 * len(weights))
     for k in reversed(range(len(weights))):
         if final_relu or k < len(weights) - 1:
             g = torch.ops.aten.threshold_backward(g, hidden[k + 1], 0)
-        if to_parameters:
-            x = hidden[k].expand(g.shape[0], *hidden[k].shape) if k == 0 and shared_input else hidden[k]
-            gradients[2 * k] = torch.bmm(x.transpose(1, 2), g)
-            gradients[2 * k + 1] = g.sum(dim=1, keepdim=True)
-        if k > 0:
+        x = hidden[0].expand(g.shape[0], *hidden[0].shape) if k == 0 else hidden[k]
+        gradients[2 * k].copy_(torch.bmm(x.transpose(1, 2), g))
+        gradients[2 * k + 1].copy_(g.sum(dim=1, keepdim=True))
+        if k > 0 or to_input:
             g = torch.bmm(g, weights[k].transpose(1, 2))
-    g_input = torch.bmm(g, weights[0][:, slice(*columns)].transpose(1, 2))
-    return g_input.sum(dim=0) if shared_input else g_input, gradients
+    return g.sum(dim=0) if to_input else None
 
 
 def _takes_kernel(x: Tensor, weight: Tensor) -> bool:
@@ -130,7 +110,9 @@ def _contiguous(tensors: Sequence[Tensor]) -> list[Tensor]:
 
 
 def _fused_forward(x: Tensor, parameters: Sequence[Tensor], final_relu: bool, keep: bool) -> list[Tensor]:
-    """:func:`_outputs` of one input for all networks, ``[B, in]``."""
+    """The input ``[B, in]``, the outputs ``[E, B, out]`` of the layers between it and the last where they are to be
+    kept for a gradient, and the last one's.
+    """
     x, parameters = x.contiguous(), _contiguous(parameters)
     ensemble, batch, sizes = _shape(x, parameters)
     outputs = [x.new_empty(ensemble, batch, b.shape[2]) for b in (parameters[1::2] if keep else parameters[-1:])]
@@ -140,23 +122,24 @@ def _fused_forward(x: Tensor, parameters: Sequence[Tensor], final_relu: bool, ke
     return [x, *outputs]
 
 
-def _fused_backward(
-    g: Tensor,
+def _fused_pull(
     hidden: Sequence[Tensor],
     parameters: Sequence[Tensor],
     final_relu: bool,
-    columns: tuple[int, int],
-    to_parameters: bool,
-) -> Gradients:
-    """:func:`_backward` of :func:`_fused_forward`."""
-    g, parameters = g.contiguous(), _contiguous(parameters)
-    ensemble, batch, sizes = _shape(hidden[0], parameters)
-    gradients = [torch.empty_like(p) for p in parameters] if to_parameters else []
-    start, stop = columns
-    g_input = g.new_empty(batch, stop - start)
+    g: Tensor,
+    gradients: Sequence[Tensor],
+    to_input: bool,
+) -> Tensor | None:
+    """The gradients of :func:`_fused_forward`."""
+    check_destinations(gradients, parameters)
+    if g.shape != hidden[-1].shape or g.dtype != hidden[-1].dtype:
+        raise ValueError(f"the outputs are {[*hidden[-1].shape]}, the gradient to them {[*g.shape]}, {g.dtype}")
+    g, x = g.contiguous(), hidden[0]
+    ensemble, batch, sizes = _shape(x, parameters)
+    g_input = torch.empty_like(x) if to_input else None
     addresses = (_addresses(parameters), _addresses(hidden), g.data_ptr(), final_relu, _addresses(gradients))
-    backward_kernel()(ensemble, batch, sizes, *addresses, g_input.data_ptr() if stop > start else 0, start, stop)
-    return g_input, gradients or [None] * len(parameters)
+    backward_kernel()(ensemble, batch, sizes, *addresses, 0 if g_input is None else g_input.data_ptr(), 0, x.shape[1])
+    return g_input
 
 
 @torch.no_grad()
@@ -166,10 +149,7 @@ def _regression(
     """:meth:`EnsembleMLP.regress` in PyTorch's operators."""
     hidden = _forward(x, parameters, final_relu=False)
     error = hidden[-1].squeeze(-1) - target
-    g = (error * (2.0 / x.shape[0])).unsqueeze(-1)
-    for gradient, value in zip(gradients, _backward(g, hidden, parameters, False, (0, 0), to_parameters=True)[1]):
-        assert value is not None
-        gradient.copy_(value)
+    _pull(hidden, parameters, False, (error * (2.0 / x.shape[0])).unsqueeze(-1), gradients, to_input=False)
     return hidden[-1].squeeze(-1), error.square().sum() / x.shape[0]
 
 
@@ -186,26 +166,27 @@ def _fused_regression(
 
 
 def _smallest_output_gradient(
-    first: Tensor, second: Tensor, parameters: Sequence[Tensor], scale: float
+    first: Tensor, second: Tensor, parameters: Sequence[Tensor], scale: float, members: int
 ) -> tuple[Tensor, Tensor]:
     """:meth:`EnsembleMLP.smallest_output_gradient` by autograd."""
     with torch.enable_grad():
         second = second.detach().requires_grad_()
-        outputs = ensemble_mlp([p.detach() for p in parameters], False, first.detach(), second).squeeze(-1)
+        x = torch.cat([first.detach(), second], dim=-1)
+        outputs = ensemble_mlp([p[:members].detach() for p in parameters], False, x).squeeze(-1)
         (gradient,) = torch.autograd.grad(scale * outputs.amin(dim=0).sum(), second)
     return outputs.detach(), gradient
 
 
 def _fused_smallest_output_gradient(
-    x: Tensor, split: int, parameters: Sequence[Tensor], scale: float
+    x: Tensor, split: int, parameters: Sequence[Tensor], scale: float, members: int
 ) -> tuple[Tensor, Tensor]:
-    """:meth:`EnsembleMLP.smallest_output_gradient` in one call."""
+    """:meth:`EnsembleMLP.smallest_output_gradient` in one call; the first networks come first in memory."""
     parameters = _contiguous(parameters)
-    ensemble, batch, sizes = _shape(x, parameters)
-    outputs, gradient = torch.empty(ensemble, batch), torch.empty(batch, x.shape[1] - split)
+    _, batch, sizes = _shape(x, parameters)
+    outputs, gradient = torch.empty(members, batch), torch.empty(batch, x.shape[1] - split)
     addresses = (_addresses(parameters), x.data_ptr())
     columns = (gradient.data_ptr(), split, x.shape[1])
-    descend_kernel()(ensemble, batch, sizes, *addresses, scale, outputs.numpy(), *columns)
+    descend_kernel()(members, batch, sizes, *addresses, scale, outputs.numpy(), *columns)
     return outputs, gradient
 
 
@@ -241,14 +222,13 @@ class EnsembleMLP(nn.Module):
         self.parameter_pairs = tuple(p for pair in zip(self.weights, self.biases) for p in pair)
         self.final_relu = final_relu
 
-    def forward(self, first: Tensor, second: Tensor | None = None) -> Tensor:
-        """Outputs ``[E, B, out]`` for inputs ``[B, in]`` (or ``[E, B, in]``), given whole or in two parts.
+    def forward(self, x: Tensor) -> Tensor:
+        """Outputs ``[E, B, out]`` for inputs ``[B, in]`` (or ``[E, B, in]``)."""
+        return ensemble_mlp(self.parameter_pairs, self.final_relu, x)
 
-        Args:
-            first: input, or its first columns.
-            second: the other columns.
-        """
-        return ensemble_mlp(self.parameter_pairs, self.final_relu, first, second)
+    def vjp(self, x: Tensor) -> tuple[Tensor, Pull]:
+        """See :func:`ensemble_mlp_vjp`."""
+        return ensemble_mlp_vjp(self.parameter_pairs, self.final_relu, x)
 
     def regress(self, x: Tensor, target: Tensor, gradients: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
         """One regression step of networks with one output each, without autograd.
@@ -261,13 +241,9 @@ class EnsembleMLP(nn.Module):
         Returns:
             The outputs ``[E, B]``, and ``sum over E of mean over B of (output - target)^2``.
         """
-        shapes = [(g.shape, g.is_contiguous()) for g in gradients]
-        if (
-            self.biases[-1].shape[2] != 1
-            or target.shape != x.shape[:1]
-            or shapes != [(p.shape, True) for p in self.parameter_pairs]
-        ):
-            raise ValueError("a regression takes networks with one output, a target [B] and a gradient per parameter")
+        if self.parameter_pairs[-1].shape[2] != 1 or target.shape != x.shape[:1]:
+            raise ValueError("a regression takes networks with one output and a target [B]")
+        check_destinations(gradients, self.parameter_pairs)
         regression = _fused_regression if _takes_kernel(x, self.parameter_pairs[0]) else _regression
         return regression(x, target, self.parameter_pairs, gradients)
 
@@ -286,19 +262,10 @@ class EnsembleMLP(nn.Module):
         Returns:
             The outputs ``[E', B]``, and the gradient of ``scale * sum over B of min over E' of output`` to ``second``.
         """
-        ensemble, _, outputs = self.biases[-1].shape
+        ensemble, _, outputs = self.parameter_pairs[-1].shape
         if outputs != 1 or self.final_relu or not 1 <= members <= ensemble:
             raise ValueError(f"the smallest output is that of 1 to {ensemble} networks with one output each")
-        parameters = [p[:members] for p in self.parameter_pairs]
         x = torch.cat([first, second], dim=-1)
-        if _takes_kernel(x, parameters[0]):
-            return _fused_smallest_output_gradient(x, first.shape[1], parameters, scale)
-        return _smallest_output_gradient(first, second, parameters, scale)
-
-
-def ensemble_mlp(parameters: Sequence[Tensor], final_relu: bool, first: Tensor, second: Tensor | None = None) -> Tensor:
-    """Outputs ``[E, B, out]`` of networks ``W_1, b_1, ..., W_L, b_L`` on ``cat([first, second], -1)``, or ``first``."""
-    if not torch.is_grad_enabled():
-        return _outputs(final_relu, first, second, parameters, keep=False)[-1]
-    result: Tensor = _EnsembleMLPFunction.apply(final_relu, first, second, *parameters)
-    return result
+        if _takes_kernel(x, self.parameter_pairs[0]):
+            return _fused_smallest_output_gradient(x, first.shape[1], self.parameter_pairs, scale, members)
+        return _smallest_output_gradient(first, second, self.parameter_pairs, scale, members)

@@ -30,44 +30,38 @@ def network() -> EnsembleMLP:
     return EnsembleMLP([5, 16, 8, 3], 2, Streams(0), "test")
 
 
-def test_values_and_all_gradients_agree_with_torch_nn(network: EnsembleMLP) -> None:
-    first, second = torch.randn(7, 3, requires_grad=True), torch.randn(7, 2, requires_grad=True)
-    weight = torch.randn(2, 7, 3)
-    ours = network(first, second)
-    gradients = torch.autograd.grad((ours * weight).sum(), [first, second, *network.parameters()])
+def places(network: EnsembleMLP) -> list[torch.Tensor]:
+    """Where gradients go; what is not filled shows."""
+    return [torch.full(p.shape, torch.nan, dtype=p.dtype) for p in network.parameter_pairs]
 
-    modules = [plain(network, e) for e in range(2)]
-    x = torch.cat([first, second], -1)
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])  # the kernel, PyTorch's operators
+@pytest.mark.parametrize("final_relu", [False, True])  # True: a trunk
+def test_values_and_all_gradients_agree_with_torch_nn(final_relu: bool, dtype: torch.dtype) -> None:
+    network = EnsembleMLP([5, 16, 8, 3], 2, Streams(0), "test", final_relu=final_relu).to(dtype)
+    x, weight = torch.randn(7, 5, dtype=dtype, requires_grad=True), torch.randn(2, 7, 3, dtype=dtype)
+    modules = [plain(network, e).to(dtype) for e in range(2)]
     theirs = torch.stack([m(x) for m in modules])
+    theirs = torch.relu(theirs) if final_relu else theirs
+    ours, pull = network.vjp(x.detach())
     torch.testing.assert_close(ours, theirs)
+    assert not ours.requires_grad and (not final_relu or (ours == 0).any())
+    gradients = places(network)
+    to_input = pull(weight, gradients, True)
     loss = (theirs * weight).sum()
-    expected_first, expected_second = torch.autograd.grad(loss, [first, second], retain_graph=True)
-    torch.testing.assert_close(gradients[0], expected_first)
-    torch.testing.assert_close(gradients[1], expected_second)
-    own = dict(zip([n for n, _ in network.named_parameters()], gradients[2:]))
+    torch.testing.assert_close(to_input, torch.autograd.grad(loss, x, retain_graph=True)[0])
     for e, module in enumerate(modules):
         linears = [m for m in module if isinstance(m, nn.Linear)]
         expected = torch.autograd.grad(loss, [p for m in linears for p in (m.weight, m.bias)], retain_graph=True)
         for k in range(len(linears)):
-            torch.testing.assert_close(own[f"weights.{k}"][e].t(), expected[2 * k])
-            torch.testing.assert_close(own[f"biases.{k}"][e, 0], expected[2 * k + 1])
-
-
-def test_hand_written_backward_passes_gradcheck(network: EnsembleMLP) -> None:
-    network = network.double()
-    x = torch.randn(4, 5, dtype=torch.float64, requires_grad=True)
-    assert torch.autograd.gradcheck(lambda value: network(value), (x,))
-
-
-def test_a_trunk_ends_in_a_relu_and_its_gradient_stops_there() -> None:
-    trunk = EnsembleMLP([5, 16, 8], 1, Streams(0), "test", final_relu=True)
-    x, weight = torch.randn(7, 5, requires_grad=True), torch.randn(7, 8)
-    ours = trunk(x)[0]
-    theirs = torch.relu(plain(trunk, 0)(x))
-    torch.testing.assert_close(ours, theirs)
-    assert (ours == 0).any()
-    (a,), (b,) = torch.autograd.grad((ours * weight).sum(), x), torch.autograd.grad((theirs * weight).sum(), x)
-    torch.testing.assert_close(a, b)
+            torch.testing.assert_close(gradients[2 * k][e].t(), expected[2 * k])
+            torch.testing.assert_close(gradients[2 * k + 1][e, 0], expected[2 * k + 1])
+    again = places(network)
+    assert network.vjp(x.detach())[1](weight, again, False) is None
+    assert all(torch.equal(a, b) for a, b in zip(gradients, again))
+    torch.testing.assert_close(network(x), theirs)  # by autograd, too
+    for a, b in zip(torch.autograd.grad((network(x) * weight).sum(), network.parameter_pairs), gradients):
+        torch.testing.assert_close(a, b)
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])  # the kernel, PyTorch's operators
@@ -77,7 +71,7 @@ def test_the_gradient_of_the_smallest_output_is_autograds(members: int, dtype: t
     first, second = 9 * torch.randn(40, 3, dtype=dtype), 9 * torch.randn(40, 2, dtype=dtype)
     second.requires_grad_()
     outputs, gradient = network.smallest_output_gradient(first, second, -0.25, members)
-    expected = network(first, second).squeeze(-1)[:members]
+    expected = network(torch.cat([first, second], -1)).squeeze(-1)[:members]
     assert members == 1 or len(expected.argmin(dim=0).unique()) == members  # each is the smallest somewhere
     torch.testing.assert_close(outputs, expected)
     (expected_gradient,) = torch.autograd.grad(-0.25 * expected.amin(dim=0).sum(), second)
@@ -121,7 +115,7 @@ def test_networks_that_tie_share_the_gradient() -> None:
         parameter.data[1] = parameter.data[0]
     first, second = torch.randn(6, 3), torch.randn(6, 2, requires_grad=True)
     _, gradient = network.smallest_output_gradient(first, second, 1.0, 2)
-    values = network(first, second).squeeze(-1)
+    values = network(torch.cat([first, second], -1)).squeeze(-1)
     torch.testing.assert_close(gradient, torch.autograd.grad(torch.minimum(*values).sum(), second)[0])
     torch.testing.assert_close(gradient, network.smallest_output_gradient(first, second, 1.0, 1)[1])
 
@@ -164,53 +158,55 @@ def test_kernel_and_specification_agree_whatever_the_layout(
     with torch.no_grad():  # views of a larger tensor, transposed: no parameter is contiguous
         for p in network.parameters():
             p.data = torch.randn(p.shape[0], p.shape[2], p.shape[1] + 1).transpose(1, 2)[:, 1:]
-    inputs = torch.randn(4, 11).t()[:, :4].requires_grad_(), torch.randn(11, 2, requires_grad=True)
-    weight = torch.randn(1).expand(3, 11, 3)
+    x, weight = torch.randn(6, 11).t(), torch.randn(1).expand(3, 11, sizes[-1])
     results = []
     for kernel in (True, False):
         if not kernel:
             monkeypatch.setattr("src.ensemble_mlp._takes_kernel", lambda *_: False)
-        y = network(*inputs)
-        results.append([y, *torch.autograd.grad((y * weight).sum(), [*inputs, *network.parameter_pairs])])
+        y, pull = network.vjp(x)
+        gradients = places(network)
+        results.append([y, pull(weight, gradients, True), *gradients])
         with torch.no_grad():
-            assert torch.equal(network(*inputs), y)
+            assert torch.equal(network(x), y)
     for ours, theirs in zip(*results):
         torch.testing.assert_close(ours, theirs)
 
 
 def test_the_kernel_is_taken_for_float32(monkeypatch: pytest.MonkeyPatch, network: EnsembleMLP) -> None:
     monkeypatch.setattr("src.ensemble_mlp.forward_kernel", lambda: lambda *_: pytest.fail("the kernel"))
-    network.double()(torch.randn(2, 5, dtype=torch.float64))
+    network.double().vjp(torch.randn(2, 5, dtype=torch.float64))
     with pytest.raises(pytest.fail.Exception):
-        network.float()(torch.randn(2, 5))
+        network.float().vjp(torch.randn(2, 5))
+    with torch.no_grad(), pytest.raises(pytest.fail.Exception):
+        network(torch.randn(2, 5))
 
 
 def test_wrong_shapes_are_refused_and_not_read_beyond_their_end(network: EnsembleMLP) -> None:
     with pytest.raises(ValueError, match="6 columns, the first layer takes 5"):
-        network(torch.randn(4, 6))
+        network.vjp(torch.randn(4, 6))
+    _, pull = network.vjp(torch.randn(4, 5))
+    with pytest.raises(ValueError, match="outputs are"):
+        pull(torch.randn(2, 4, 2), places(network), False)
+    for k, p in enumerate(network.parameter_pairs):
+        for place in (torch.empty(1), torch.empty_like(p).double(), torch.empty(*p.shape, 2)[..., 0]):
+            wrong = [place if index == k else right for index, right in enumerate(places(network))]
+            with pytest.raises(ValueError, match="contiguous tensor of its shape"):
+                pull(torch.randn(2, 4, 3), wrong, False)
     gradients = [torch.empty_like(p) for p in network.parameter_pairs]
     with pytest.raises(ValueError, match="one output"):
         network.regress(torch.randn(4, 5), torch.randn(4), gradients)
     critic = EnsembleMLP([5, 8, 1], 2, Streams(0), "test")
     gradients = [torch.empty_like(p) for p in critic.parameter_pairs]
     for target, given in ((torch.randn(3), gradients), (torch.randn(4), gradients[:-1])):
-        with pytest.raises(ValueError, match="a target"):
+        with pytest.raises(ValueError, match=r"a target|contiguous tensor"):
             critic.regress(torch.randn(4, 5), target, given)
 
 
-def test_a_second_derivative_is_refused_rather_than_wrong(network: EnsembleMLP) -> None:
-    x = torch.randn(4, 5, requires_grad=True)
-    (g,) = torch.autograd.grad(network(x).sum(), x, create_graph=True)
-    with pytest.raises(RuntimeError):
-        g.square().sum().backward()
-
-
 def test_what_is_not_a_number_is_not_hidden_by_a_relu(network: EnsembleMLP) -> None:
-    x = torch.full((4, 5), torch.nan, requires_grad=True)
-    y = network(x)
+    y, pull = network.vjp(torch.full((4, 5), torch.nan))
     assert y.isnan().all()
-    g = torch.autograd.grad((y * torch.nan).sum(), x)[0]
-    assert g.isnan().all()
+    g = pull(torch.full_like(y, torch.nan), places(network), True)
+    assert g is not None and g.isnan().all()
 
 
 @pytest.mark.parametrize("library", ["MKL of PyTorch", "BLAS of SciPy"])
@@ -224,7 +220,7 @@ def test_both_libraries_multiply(library: str) -> None:
         "from src.streams import Streams\n"
         "torch.manual_seed(0)\n"
         "network, x = EnsembleMLP([5, 16, 3], 2, Streams(0), 'test'), torch.randn(7, 5)\n"
-        "torch.testing.assert_close(network(x), network.double()(x.double()).float())\n"
+        "torch.testing.assert_close(network.vjp(x)[0], network.double().vjp(x.double())[0].float())\n"
         "print(blas.LIBRARY)"
     )
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 
 import torch
 from torch import Tensor, nn
 
-from src.actors.health import ActorHealth
+from src.actors.health import NOTHING_SPIKES, ActorHealth
 from src.actors.population_encoder import PopulationEncoder
+
+#: Where the gradient of each parameter that learns belongs: contiguous, of its shape and precision.
+GradientOf = Mapping[nn.Parameter, Tensor]
+#: From the gradient to the raw action ``[B, M]`` to those of the parameters, filled.
+Pull = Callable[[Tensor, GradientOf], None]
 
 
 class Actor(nn.Module):
@@ -32,7 +38,37 @@ class Actor(nn.Module):
         self, observation: Tensor, generator: torch.Generator | None = None
     ) -> tuple[Tensor, ActorHealth]:
         """:meth:`forward` with the spiking health of the same pass; gradients flow through the raw action."""
-        return self(observation, generator), ActorHealth(None, ())
+        return self(observation, generator), NOTHING_SPIKES
+
+    def vjp(
+        self, observation: Tensor, generator: torch.Generator | None = None, with_health: bool = False
+    ) -> tuple[Tensor, ActorHealth | None, Pull]:
+        """The raw action and its vector-Jacobian product, as of ``torch.func.vjp``: what an algorithm learns by.
+
+        Here by autograd through :meth:`forward`. An actor may have a faster way to the same numbers.
+
+        Args:
+            observation: as for :meth:`forward`.
+            generator: as for :meth:`forward`.
+            with_health: whether to measure the spiking health of the pass.
+
+        Returns:
+            The raw action ``[B, M]`` without graph; the health, or None; and the function that takes the gradient to
+            the raw action and fills those of the parameters, to be called once, before a parameter changes.
+        """
+        health = None
+        with torch.enable_grad():
+            if with_health:
+                raw, health = self.forward_with_health(observation, generator)
+            else:
+                raw = self(observation, generator)
+        return raw.detach(), health, partial(self._pull, raw)
+
+    def _pull(self, raw: Tensor, to_raw: Tensor, gradient_of: GradientOf) -> None:
+        parameters = [parameter for parameter in self.parameters() if parameter in gradient_of]
+        gradients = torch.autograd.grad(raw, parameters, to_raw, allow_unused=True, materialize_grads=True)
+        for parameter, gradient in zip(parameters, gradients):
+            gradient_of[parameter].copy_(gradient)
 
     def layer_parameters(self) -> list[list[nn.Parameter]]:
         """The parameters of each spiking layer, for gradient norms."""
@@ -52,3 +88,8 @@ class Actor(nn.Module):
     def connection_count(self) -> int:
         """Learnable numbers; of a dendritic layer each unmasked synapse once."""
         return sum(parameter.numel() for parameter in self.parameters() if parameter.requires_grad)
+
+
+def destinations(parameters: Sequence[Tensor], gradient_of: GradientOf) -> list[Tensor]:
+    """Where the gradient of each parameter belongs; a place to forget it for one that does not learn."""
+    return [gradient_of[p] if p in gradient_of else torch.empty_like(p) for p in parameters]  # type: ignore[index]

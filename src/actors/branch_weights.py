@@ -6,6 +6,7 @@ from typing import Any
 
 import torch
 from torch import Tensor
+from torch.autograd.function import once_differentiable
 
 from src.actors.kernels import takes_kernel
 from src.actors.lif_kernel import gather_kernel, spread_kernel
@@ -55,6 +56,7 @@ class BranchWeights(torch.autograd.Function):
         return spread(weight, branch, branches)
 
     @staticmethod
+    @once_differentiable
     def backward(ctx: Any, *grads: Tensor) -> tuple[Tensor, None, None]:
         """The gradient at each synapse's own branch."""
         (branch,) = ctx.saved_tensors

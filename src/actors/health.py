@@ -35,6 +35,9 @@ class ActorHealth(NamedTuple):
     layers: tuple[LayerHealth, ...]
 
 
+NOTHING_SPIKES = ActorHealth(None, ())
+
+
 @torch.no_grad()
 def layer_health(spikes: Tensor, membrane_potential: Tensor, threshold: float, window: float) -> LayerHealth:
     """Measure one layer.

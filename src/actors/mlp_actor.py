@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
-from src.actors.actor import Actor
+from src.actors.actor import Actor, GradientOf, Pull, destinations
+from src.actors.health import NOTHING_SPIKES, ActorHealth
 from src.config import MLPActorConfig
-from src.ensemble_mlp import EnsembleMLP, ensemble_mlp
+from src.ensemble_mlp import EnsembleMLP, ensemble_mlp, ensemble_mlp_vjp
 from src.streams import Streams
 
 
@@ -27,17 +28,23 @@ class MLPActor(Actor):
         self.hidden = EnsembleMLP(sizes, 1, streams, "actor.hidden", final_relu=True)
         self.output = EnsembleMLP((sizes[-1], action_size), 1, streams, "actor.output")
 
-    def trunk(self, observation: Tensor) -> Tensor:
-        """Features of the last hidden layer, ``[B, N] -> [B, hidden]``."""
-        features: Tensor = self.hidden(observation)
-        return features.squeeze(0)
-
-    def head(self, features: Tensor) -> Tensor:
-        """Raw action of the trunk's features, ``[B, hidden] -> [B, M]``."""
-        raw: Tensor = self.output(features)
-        return raw.squeeze(0)
-
     def forward(self, observation: Tensor, generator: torch.Generator | None = None) -> Tensor:
         """Raw action ``[B, M]``, trunk and head in one operation; draws nothing."""
-        parameters = [*self.hidden.parameter_pairs, *self.output.parameter_pairs]
-        return ensemble_mlp(parameters, False, observation).squeeze(0)
+        return ensemble_mlp(self._parameters_in_order(), False, observation).squeeze(0)
+
+    def vjp(
+        self, observation: Tensor, generator: torch.Generator | None = None, with_health: bool = False
+    ) -> tuple[Tensor, ActorHealth | None, Pull]:
+        """See :meth:`Actor.vjp`; without autograd."""
+        if type(self) is not MLPActor:  # which may compute something else
+            return super().vjp(observation, generator, with_health)
+        parameters = self._parameters_in_order()
+        raw, pull = ensemble_mlp_vjp(parameters, False, observation)
+
+        def fill(to_raw: Tensor, gradient_of: GradientOf) -> None:
+            pull(to_raw.unsqueeze(0), destinations(parameters, gradient_of), False)
+
+        return raw.squeeze(0), NOTHING_SPIKES if with_health else None, fill
+
+    def _parameters_in_order(self) -> list[nn.Parameter]:
+        return [*self.hidden.parameter_pairs, *self.output.parameter_pairs]

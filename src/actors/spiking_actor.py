@@ -10,14 +10,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from typing import cast
 
 import torch
 from torch import Tensor, nn
 
-from src.actors.actor import Actor
-from src.actors.actor_op import Network, fused_actor
+from src.actors.actor import Actor, Pull
+from src.actors.actor_op import Network, fused_actor, fused_gradient
 from src.actors.decoder import PopulationDecoder
 from src.actors.health import ActorHealth, Trace, layer_health
 from src.actors.initialisation import Initialiser
@@ -89,15 +90,30 @@ class SpikingActor(Actor):
     ) -> tuple[Tensor, ActorHealth]:
         """:meth:`forward`, and the firing rates and saturation of every layer in the same pass."""
         raw, trace = self._pass(observation, generator, trace=True)
+        return raw, self._health(trace)
+
+    def vjp(
+        self, observation: Tensor, generator: torch.Generator | None = None, with_health: bool = False
+    ) -> tuple[Tensor, ActorHealth | None, Pull]:
+        """See :meth:`Actor.vjp`; without autograd where there are kernels."""
+        if type(self) is not SpikingActor or not self._network.takes_gradient(observation):
+            return super().vjp(observation, generator, with_health)
+        done = fused_actor(self._network, observation, generator, keep=True)
+        health = self._health(done.trace()) if with_health else None
+        return done.raw, health, partial(fused_gradient, self._network, done)
+
+    @torch.no_grad()
+    def _health(self, trace: Trace) -> ActorHealth:
         health = [
             layer_health(*what, layer.constants.threshold, layer.constants.window)
             for what, layer in zip(trace.layers, self.spiking_layers(), strict=True)
         ]
-        return raw, ActorHealth(trace.input_spikes.mean(), tuple(health))
+        return ActorHealth(trace.input_spikes.mean(), tuple(health))
 
     def _pass(self, observation: Tensor, generator: torch.Generator | None, trace: bool) -> tuple[Tensor, Trace]:
-        if self._network.takes(observation):
-            return fused_actor(self._network, observation, generator, trace)
+        if not torch.is_grad_enabled() and self._network.takes(observation):
+            done = fused_actor(self._network, observation, generator, keep=trace)
+            return done.raw, done.trace() if trace else Trace(done.spikes, [])
         strength = self.encoder.strength(observation)
         spikes = self.encoder.encode(strength, generator)
         seen = Trace(spikes, [])

@@ -80,9 +80,12 @@ class Synapse(nn.Module):
             self._kept = spread(self.weight, self.branch, self.branches)
         return self._kept
 
-    def spreading(self) -> tuple[Tensor | None, Tensor | None]:
-        """Branch weights where they are at hand, or the branch of each synapse to spread them by; neither for d = 1."""
-        if self.branch is None or not self._fixed or torch.is_grad_enabled():
+    def spreading(self, for_gradient: bool) -> tuple[Tensor | None, Tensor | None]:
+        """Branch weights where they are at hand, or the branch of each synapse to spread them by; neither for d = 1.
+
+        A gradient takes the branches.
+        """
+        if self.branch is None or not self._fixed or for_gradient:
             return None, self.branch
         return self.branch_weights(), None
 

@@ -42,7 +42,7 @@ def build_learner(
     if isinstance(algo, TD3Config):
         return TD3Learner(algo, actor, critic, action_limit, update_streams)
     if algo.log_std_network == "shared":
-        log_std = LogStdNetwork(algo, config.actor.hidden_sizes[-1], action_size, streams, ())  # type: ignore[union-attr]
+        log_std = LogStdNetwork(config.actor.hidden_sizes[-1], action_size, streams, ())  # type: ignore[union-attr]
     else:
-        log_std = LogStdNetwork(algo, observation_size, action_size, streams, algo.log_std_hidden_sizes)
+        log_std = LogStdNetwork(observation_size, action_size, streams, algo.log_std_hidden_sizes)
     return SACLearner(algo, actor, log_std.to(config.device), critic, action_limit, update_streams)

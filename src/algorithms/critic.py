@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import torch
 from torch import Tensor, nn
 
 from src.ensemble_mlp import EnsembleMLP
@@ -26,7 +27,7 @@ class TwinCritic(nn.Module):
 
     def forward(self, observation: Tensor, action: Tensor) -> Tensor:
         """Values ``[2, B]`` of observations ``[B, N]`` (normalised) and actions ``[B, M]``, in its units."""
-        value: Tensor = self.networks(observation, action)
+        value: Tensor = self.networks(torch.cat([observation, action], dim=-1))
         return value.squeeze(-1)
 
     def action_gradient(self, observation: Tensor, action: Tensor, members: int) -> tuple[Tensor, Tensor]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import torch
@@ -84,40 +83,23 @@ class Learner(ABC):
         record.add("critic_loss", loss)
         record.add_values(values)
 
-    def actor_step(
-        self,
-        outputs: Sequence[Tensor],
-        output_gradients: Sequence[Tensor],
-        record: BurstRecord,
-        health: ActorHealth | None,
-        groups: tuple[str, ...] = ("actor",),
-    ) -> None:
-        """One optimizer step of the actor (and of what learns with it), and the projection of its sigma.
+    def actor_step(self, record: BurstRecord, health: ActorHealth | None, *others: str) -> None:
+        """One optimizer step of the actor (and of what learns with it) by the gradients as they stand, and the
+        projection of its sigma.
 
         Args:
-            outputs: of the policy, with the graph of autograd behind them.
-            output_gradients: the loss's gradient to each of them.
             record: of the burst.
             health: of the same pass, or None.
-            groups: names of the flat parameters that learn, the actor's first.
+            others: names of the flat parameters that learn with the actor's.
         """
-        flats = [self.flat[name] for name in groups]
-        parameters = [p for flat in flats for p in flat.parameters]
-        gradients = torch.autograd.grad(
-            outputs, parameters, output_gradients, allow_unused=True, materialize_grads=True
-        )
-        own = gradients[: len(flats[0].parameters)]
-        flats[0].join(own)
-        for flat in flats[1:]:
-            flat.join(gradients[len(own) :])
-        for name in groups:
+        for name in ("actor", *others):
             self.optimizers[name].step()
-        actor = self.policy.actor
+        actor, flat = self.policy.actor, self.flat["actor"]
         actor.project()
         self.actor_updates += 1
         if health is not None:
-            record.add("actor_gradient_norm", flats[0].gradient.norm())
-            record.add_health(health, actor, flats[0].parameters, own)
+            record.add("actor_gradient_norm", flat.gradient.norm())
+            record.add_health(health, actor, flat.gradient_of)
 
     def state_dict(self) -> dict[str, Any]:
         """Networks, targets, optimizers and counters: tensors and plain containers only."""

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
-from src.actors.actor import Actor
+from src.actors.actor import Actor, GradientOf
 from src.actors.health import ActorHealth
 
 METRICS = ("critic_loss", "actor_loss", "q1", "q2", "log_probability", "actor_gradient_norm")
@@ -42,11 +41,8 @@ class BurstRecord:
         """Note the critics' values ``[2, B]``."""
         self._values.append(values.detach())
 
-    def add_health(
-        self, health: ActorHealth, actor: Actor, parameters: Sequence[nn.Parameter], gradients: Sequence[Tensor]
-    ) -> None:
+    def add_health(self, health: ActorHealth, actor: Actor, gradient_of: GradientOf) -> None:
         """Note firing rates, window shares and gradient norms per spiking layer (METHOD: the hazard of saturation)."""
-        by_parameter = {id(p): g for p, g in zip(parameters, gradients)}
         if health.input_firing_rate is not None:
             self.health["input_firing_rate"] = float(health.input_firing_rate)
         for k, (layer, own) in enumerate(zip(health.layers, actor.layer_parameters()), start=1):
@@ -55,7 +51,7 @@ class BurstRecord:
             self.health[f"layer{k}_always_on"] = float(layer.always_on)
             self.health[f"layer{k}_never_on"] = float(layer.never_on)
             self.health[f"layer{k}_gradient_norm"] = float(
-                torch.stack([by_parameter[id(p)].norm() for p in own if id(p) in by_parameter]).norm()
+                torch.stack([gradient_of[p].norm() for p in own if p in gradient_of]).norm()
             )
 
     def means(self) -> dict[str, float]:

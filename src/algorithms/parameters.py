@@ -29,10 +29,6 @@ class FlatParameters:
         """Adam over the flat tensor."""
         return FlatAdam(self.values, self.gradient, learning_rate)
 
-    def join(self, gradients: Sequence[Tensor]) -> None:
-        """Copy gradients, in the order of ``parameters``, into the flat ``gradient`` that the optimizer reads."""
-        torch.cat([g.reshape(-1) for g in gradients], out=self.gradient)
-
     def follow(self, online: FlatParameters, polyak: float) -> None:
         """Polyak averaging of a target network: ``target <- polyak * target + (1 - polyak) * online`` [SU]."""
         self.values.lerp_(online.values, 1.0 - polyak)

@@ -8,8 +8,8 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from src.actors.actor import Actor
-from src.config import SACConfig
+from src.actors.actor import Actor, GradientOf, Pull
+from src.actors.health import ActorHealth
 from src.ensemble_mlp import EnsembleMLP
 from src.streams import Streams
 
@@ -31,28 +31,40 @@ class DeterministicPolicy(nn.Module):
 
     def forward(self, observation: Tensor, generator: torch.Generator | None = None) -> Tensor:
         """Actions ``[B, M]`` for normalised observations ``[B, N]``; the generator feeds a poisson encoder."""
-        return self.squash(self.actor(observation, generator))
+        return torch.tanh(self.actor(observation, generator)) * self.action_limit
 
-    def squash(self, raw: Tensor) -> Tensor:
-        """``tanh(raw) * limit``."""
-        return torch.tanh(raw) * self.action_limit
+    def vjp(
+        self, observation: Tensor, generator: torch.Generator | None = None, with_health: bool = False
+    ) -> tuple[Tensor, ActorHealth | None, Pull]:
+        """:meth:`forward` and its vector-Jacobian product; see :meth:`Actor.vjp`."""
+        raw, health, pull_raw = self.actor.vjp(observation, generator, with_health)
+        squashed = torch.tanh(raw)
+
+        def pull(to_action: Tensor, gradient_of: GradientOf) -> None:
+            pull_raw(torch.ops.aten.tanh_backward(to_action * self.action_limit, squashed), gradient_of)
+
+        return squashed * self.action_limit, health, pull
 
 
 class LogStdNetwork(nn.Module):
-    """SAC's log standard deviation, clamped to [log_std_min, log_std_max].
+    """SAC's log standard deviation, before it is clamped to [log_std_min, log_std_max] (:func:`sac.tanh_gaussian`).
 
     ``separate``: a ReLU network on the normalised observation, so that only the mean spikes [PopSAN];
     ``shared``: a linear layer on the trunk of the multilayer perceptron [SU].
+
+    Args:
+        input_size: N, or the width of the trunk.
+        action_size: M.
+        streams: the run's random streams.
+        hidden_sizes: widths of the hidden layers; none on a trunk.
     """
 
-    def __init__(
-        self, config: SACConfig, input_size: int, action_size: int, streams: Streams, hidden_sizes: tuple[int, ...]
-    ) -> None:
+    def __init__(self, input_size: int, action_size: int, streams: Streams, hidden_sizes: tuple[int, ...]) -> None:
         super().__init__()
+        self.action_size = action_size
         self.network = EnsembleMLP([input_size, *hidden_sizes, action_size], 1, streams, "log_std")
-        self.low, self.high = config.log_std_min, config.log_std_max
 
     def forward(self, features: Tensor) -> Tensor:
         """``[B, M]`` for ``[B, input_size]``."""
         log_std: Tensor = self.network(features)
-        return log_std.squeeze(0).clamp(self.low, self.high)
+        return log_std.squeeze(0)

@@ -6,76 +6,89 @@ Independent oracle: TorchRL's ``SACLoss`` (``tests/algorithms/test_sac.py``). Th
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 import torch
 import torch.nn.functional as F
 from torch import Tensor
-from torch.autograd.function import once_differentiable
 
-from src.actors.kernels import takes_kernel
+from src.actors.kernels import as_array, takes_kernel
 from src.algorithms.tanh_gaussian_kernel import gradient_kernel, sample_kernel
 
 _HALF_LOG_2PI = 0.5 * math.log(2 * math.pi)
 _LOG_2 = math.log(2.0)
 
 
-def tanh_gaussian(mean: Tensor, log_std: Tensor, noise: Tensor, action_limit: float) -> tuple[Tensor, Tensor]:
-    """A reparametrised sample of the squashed Gaussian and its log-probability.
+class Bounds(NamedTuple):
+    """What the policy stays within."""
 
-    ``u = mean + exp(log_std) * noise``, ``a = limit * tanh(u)``,
+    log_std_min: float
+    log_std_max: float
+    action_limit: float
+
+
+def tanh_gaussian(mean: Tensor, log_std: Tensor, noise: Tensor, bounds: Bounds) -> tuple[Tensor, Tensor]:
+    """A reparametrised sample of the squashed Gaussian and its log-probability, in PyTorch's operators.
+
+    ``u = mean + exp(log_std) * noise``, ``a = limit * tanh(u)``, with the log-std clamped to its bounds,
     ``log pi = sum_M [log N(u; mean, std) - log(1 - tanh(u)^2)]`` with the numerically stable form
     ``log(1 - tanh(u)^2) = 2 (log 2 - u - softplus(-2u))`` [SU, core.py]. As in Spinning Up the density is that of
     tanh(u): a limit other than 1 would add a constant.
 
     Args:
         mean: ``[B, M]``.
-        log_std: ``[B, M]``.
+        log_std: ``[B, M]``, before it is clamped.
         noise: ``[B, M]``, standard normal.
-        action_limit: bound of the actions.
+        bounds: of log-std and actions.
 
     Returns:
         actions ``[B, M]`` and log-probabilities ``[B]``.
     """
-    parts = (mean, log_std, noise)
-    if all(takes_kernel(x) and x.shape == mean.shape for x in parts) and not noise.requires_grad:
-        result: tuple[Tensor, Tensor] = _TanhGaussian.apply(mean, log_std, noise, action_limit)  # type: ignore[no-untyped-call]
-        return result
-    return tanh_gaussian_reference(mean, log_std, noise, action_limit)
-
-
-def tanh_gaussian_reference(mean: Tensor, log_std: Tensor, noise: Tensor, action_limit: float) -> tuple[Tensor, Tensor]:
-    """:func:`tanh_gaussian` in PyTorch's operators: the specification, and what other devices and precisions take."""
+    log_std = log_std.clamp(bounds.log_std_min, bounds.log_std_max)
     u = torch.addcmul(mean, log_std.exp(), noise)
     log_normal = -0.5 * noise * noise - log_std - _HALF_LOG_2PI
     log_probability = (log_normal - 2.0 * (_LOG_2 - u - F.softplus(-2.0 * u))).sum(dim=-1)
-    return torch.tanh(u) * action_limit, log_probability
+    return torch.tanh(u) * bounds.action_limit, log_probability
 
 
-class _TanhGaussian(torch.autograd.Function):
-    """One kernel forward and one backward in place of some thirty small operators."""
+#: From the gradients to actions ``[B, M]`` and log-probabilities ``[B]`` to those of mean and log-std, ``[B, M]``.
+Pull = Callable[[Tensor, Tensor], tuple[Tensor, Tensor]]
 
-    @staticmethod
-    def forward(ctx: Any, mean: Tensor, log_std: Tensor, noise: Tensor, limit: float) -> tuple[Tensor, Tensor]:
-        action, squashed, spread = (mean.new_empty(mean.shape) for _ in range(3))
-        log_probability = mean.new_empty(mean.shape[0])
-        inputs = (x.detach().contiguous().numpy() for x in (mean, log_std, noise))
-        outputs = (x.numpy() for x in (action, log_probability, squashed, spread))
-        sample_kernel()(*inputs, np.float32(limit), *outputs)
-        ctx.save_for_backward(squashed, spread)
-        ctx.limit = np.float32(limit)
-        return action, log_probability
 
-    @staticmethod
-    @once_differentiable
-    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, Tensor, None, None]:
-        squashed, spread = ctx.saved_tensors
-        grad_mean, grad_log_std = torch.empty_like(squashed), torch.empty_like(squashed)
-        grad_action, grad_log_probability = (g.contiguous().numpy() for g in gradients)
-        saved, outputs = (squashed.numpy(), spread.numpy()), (grad_mean.numpy(), grad_log_std.numpy())
-        gradient_kernel()(grad_action, grad_log_probability, *saved, ctx.limit, *outputs)
-        return grad_mean, grad_log_std, None, None
+def tanh_gaussian_vjp(mean: Tensor, log_std: Tensor, noise: Tensor, bounds: Bounds) -> tuple[Tensor, Tensor, Pull]:
+    """:func:`tanh_gaussian` without graph, and its vector-Jacobian product: one kernel each for float32 on the CPU."""
+    parts = mean, log_std, noise
+    if all(takes_kernel(x) and x.shape == mean.shape for x in parts):
+        return _fused_tanh_gaussian(mean, log_std, noise, bounds)
+    with torch.enable_grad():
+        mean, log_std = mean.detach().requires_grad_(), log_std.detach().requires_grad_()
+        outputs = tanh_gaussian(mean, log_std, noise, bounds)
+
+    def pull(*gradients: Tensor) -> tuple[Tensor, Tensor]:
+        to_mean, to_log_std = torch.autograd.grad(outputs, [mean, log_std], gradients)
+        return to_mean, to_log_std
+
+    return outputs[0].detach(), outputs[1].detach(), pull
+
+
+def _fused_tanh_gaussian(mean: Tensor, log_std: Tensor, noise: Tensor, bounds: Bounds) -> tuple[Tensor, Tensor, Pull]:
+    """Some thirty small operators in a kernel."""
+    action, log_probability = mean.new_empty(mean.shape), mean.new_empty(mean.shape[0])
+    own, limits = as_array(log_std), np.array(bounds, np.float32)
+    kept = np.empty((2, *mean.shape), np.float32)
+    sample_kernel()(as_array(mean), own, as_array(noise), limits, action.numpy(), log_probability.numpy(), kept)
+
+    def pull(to_action: Tensor, to_log_probability: Tensor) -> tuple[Tensor, Tensor]:
+        if to_action.shape != action.shape or to_log_probability.shape != log_probability.shape:
+            raise ValueError(f"a sample is {[*action.shape]}, the gradient to it {[*to_action.shape]}")
+        to_mean, to_log_std = torch.empty_like(action), torch.empty_like(action)
+        gradients = as_array(to_action), as_array(to_log_probability)
+        gradient_kernel()(*gradients, own, limits, kept, to_mean.numpy(), to_log_std.numpy())
+        return to_mean, to_log_std
+
+    return action, log_probability, pull
 
 
 def bellman_target(
@@ -87,5 +100,5 @@ def bellman_target(
 
 
 def actor_loss(log_probability: Tensor, values: Tensor, alpha: float) -> Tensor:
-    """``mean(alpha log pi - min(Q1, Q2))``; ``log_probability`` ``[B]``, ``values`` ``[2, B]``."""
-    return (alpha * log_probability - torch.minimum(*values.unbind())).mean()
+    """``mean over B of alpha log pi - min(Q1, Q2)``; ``log_probability`` ``[..., B]``, ``values`` ``[2, ..., B]``."""
+    return (alpha * log_probability - torch.minimum(*values.unbind())).mean(-1)

@@ -43,5 +43,5 @@ def critic_loss(values: Tensor, target: Tensor) -> Tensor:
 
 
 def actor_loss(first_value: Tensor) -> Tensor:
-    """``-mean Q1(s, pi(s))``; ``first_value`` is ``[B]``."""
-    return -first_value.mean()
+    """``-mean over B of Q1(s, pi(s))``; ``first_value`` is ``[..., B]``."""
+    return -first_value.mean(-1)

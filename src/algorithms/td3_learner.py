@@ -81,14 +81,10 @@ class TD3Learner(Learner):
         return td3.bellman_target(burst.reward[chosen], burst.terminated[chosen], next_values, self.config.discount)
 
     def _update_actor(self, observation: Tensor, record: BurstRecord, with_health: bool) -> None:
-        actor, health = self.policy.actor, None
-        if with_health:
-            raw, health = actor.forward_with_health(observation, self.streams.encoder)
-        else:
-            raw = actor(observation, self.streams.encoder)
-        action = self.policy.squash(raw)
+        action, health, pull = self.policy.vjp(observation, self.streams.encoder, with_health)
         first_value, to_action = self.critic.action_gradient(observation, action, members=1)
         record.add("actor_loss", td3.actor_loss(first_value[0]))
-        self.actor_step([action], [to_action], record, health)
+        pull(to_action, self.flat["actor"].gradient_of)
+        self.actor_step(record, health)
         self.flat["target_actor"].follow(self.flat["actor"], self.config.polyak)
         self.flat["target_critic"].follow(self.flat["critic"], self.config.polyak)

@@ -6,9 +6,11 @@ import copy
 
 import pytest
 import torch
+from torch.nn.utils.parametrize import register_parametrization
 
 from src.actors import actor_op, population_encoder
 from src.actors.build import build_actor
+from src.actors.spiking_actor import SpikingActor
 from src.streams import Streams
 from tests.actors.configuration import configuration
 
@@ -27,24 +29,31 @@ OPTIONS = {
 }
 
 
+def places(actor):
+    """Where gradients go; what is not filled shows."""
+    return {parameter: torch.full(parameter.shape, torch.nan) for parameter in actor.parameters()}
+
+
 def results(actor, batch, fused, monkeypatch):
     """Raw action with and without gradient, health, and all gradients."""
-    observation = torch.randn(batch, 11, generator=torch.Generator().manual_seed(2)).requires_grad_()
+    observation = torch.randn(batch, 11, generator=torch.Generator().manual_seed(2))
     draws = lambda: torch.Generator().manual_seed(3)  # noqa: E731
     with monkeypatch.context() as patch:
         if not fused:
             for module in (actor_op, population_encoder):
                 patch.setattr(module, "takes_kernel", lambda tensor: False)
-        raw, health = actor.forward_with_health(observation, draws())
-        leaves = [observation, *actor.parameters()]
-        gradients = torch.autograd.grad((raw * torch.linspace(-1, 1, raw.numel()).view_as(raw)).sum(), leaves)
+        raw, health, pull = actor.vjp(observation, draws(), with_health=True)
+        gradient_of = places(actor)
+        pull(torch.linspace(-1, 1, raw.numel()).view_as(raw), gradient_of)
+        again, nothing, _ = actor.vjp(observation, draws())
+        assert nothing is None and not raw.requires_grad
         with torch.no_grad():
             acting = actor(observation, draws())
             watched, watched_health = actor.forward_with_health(observation, draws())
             with actor.fixed_weights():
                 fixed = [actor(observation, draws()) for _ in range(2)]
     measured = [value for every in (health, watched_health) for layer in every.layers for value in layer]
-    return [raw, acting, watched, *fixed, *measured, *gradients]
+    return [raw, again, acting, watched, *fixed, *measured, *gradient_of.values()]
 
 
 @pytest.mark.parametrize("encoder", ["poisson", "deterministic"])
@@ -78,71 +87,109 @@ def test_equals_autograd_of_the_steps(name):
         torch.testing.assert_close(grad, expected, rtol=1e-3, atol=1e-4 * float(expected.abs().max()))
 
 
+def gradients(actor, observation, to_raw):
+    """Raw action and gradients."""
+    raw, _, pull = actor.vjp(observation)
+    gradient_of = places(actor)
+    pull(to_raw, gradient_of)
+    return [raw, *gradient_of.values()]
+
+
 @pytest.mark.parametrize("name", ["popsan", "bptsan"])
 @pytest.mark.parametrize("index", [0, 1, 2])
-def test_non_contiguous_inputs_and_weights(name, index):
+def test_non_contiguous_inputs_weights_and_gradients(name, index):
     actor = build_actor(configuration(name, "deterministic"), 11, 3, Streams(0))
-    observation = torch.randn(11, 6)
-    expected = actor(observation.t().contiguous())
-    assert torch.equal(actor(observation.t()), expected)
+    observation, to_raw = torch.randn(11, 6), torch.randn(3, 6)
+    expected = gradients(actor, observation.t().contiguous(), to_raw.t().contiguous())
     synapse = actor.spiking_layers()[index].synapse
     synapse.weight.data = synapse.weight.detach().t().contiguous().t()
-    assert torch.equal(actor(observation.t()), expected)
+    found = gradients(actor, observation.t(), to_raw.t())
+    assert all(torch.equal(a, b) for a, b in zip(found, expected, strict=True))
     with torch.no_grad():
-        assert torch.equal(actor(observation.t()), expected)
+        assert torch.equal(actor(observation.t()), expected[0])
 
 
-def test_a_transposed_gradient():
-    actor = build_actor(configuration("popsan", actor__output_population=1), 11, 3, Streams(0))
-    raw, gradient = actor(torch.randn(6, 11)), torch.randn(3, 6)
-    leaves = list(actor.parameters())
-    found = torch.autograd.grad(raw, leaves, gradient.t(), retain_graph=True)
-    expected = torch.autograd.grad(raw, leaves, gradient.t().contiguous())
-    assert all(torch.equal(a, b) for a, b in zip(found, expected, strict=True))
-
-
-def test_the_gradient_survives_that_saved_tensors_move():
-    """As checkpointing and offloading move them: the kernels take addresses."""
-    actor = build_actor(configuration("bptsan", actor__lateral__weights="shared"), 11, 3, Streams(0))
-    observation, leaves = torch.randn(6, 11), list(actor.parameters())
-    expected = torch.autograd.grad(actor(observation).sum(), leaves)
-    with torch.autograd.graph.saved_tensors_hooks(lambda tensor: tensor.clone(), lambda tensor: tensor.clone()):
-        raw = actor(observation)
-    for parameter in leaves:
-        parameter.data = parameter.data.clone()
-    junk = [torch.full((256, 256), torch.nan) for _ in range(40)]
-    found = torch.autograd.grad(raw.sum(), leaves)
-    assert len(junk) == 40
-    assert all(torch.equal(a, b) for a, b in zip(found, expected, strict=True))
+def test_parameters_that_do_not_learn_have_no_gradient():
+    actor = build_actor(configuration("bptsan", "deterministic", actor__lateral__weights="shared"), 11, 3, Streams(0))
+    observation, to_raw = torch.randn(6, 11), torch.randn(6, 3)
+    _, *expected = gradients(actor, observation, to_raw)
+    for frozen in range(len(expected)):
+        _, _, pull = actor.vjp(observation)
+        gradient_of = places(actor)
+        del gradient_of[list(actor.parameters())[frozen]]
+        pull(to_raw, gradient_of)
+        others = [gradient for k, gradient in enumerate(expected) if k != frozen]
+        assert all(torch.equal(a, b) for a, b in zip(gradient_of.values(), others, strict=True))
 
 
 def test_an_empty_batch_gives_no_actions():
     actor = build_actor(configuration("bptsan", "deterministic"), 11, 3, Streams(0))
-    raw = actor(torch.zeros(0, 11))
+    raw, *found = gradients(actor, torch.zeros(0, 11), torch.zeros(0, 3))
     assert raw.shape == (0, 3)
-    gradients = torch.autograd.grad(raw.sum(), list(actor.parameters()))
-    assert all(not gradient.any() for gradient in gradients)
+    assert all(not gradient.any() for gradient in found)
 
 
 def test_wrong_shapes_are_refused():
     """The kernels take addresses and check nothing."""
     actor = build_actor(configuration("bptsan", "deterministic"), 11, 3, Streams(0))
     with pytest.raises(ValueError, match=r"takes observations \[B, 11\], not \[2, 12\]"):
-        actor(torch.zeros(2, 12))
+        actor.vjp(torch.zeros(2, 12))
+    for parameter in actor.parameters():
+        _, _, pull = actor.vjp(torch.zeros(2, 11))
+        whole = places(actor)
+        with pytest.raises(ValueError, match=r"raw action is \[2, 3\]"):
+            pull(torch.zeros(2, 4), whole)
+        for place in (torch.zeros(1), torch.zeros(parameter.shape).double(), torch.zeros(*parameter.shape, 2)[..., 0]):
+            if parameter is actor.encoder.mean or parameter is actor.encoder.std:
+                continue  # PyTorch copies those, and refuses itself
+            with pytest.raises(ValueError, match="contiguous tensor of its shape"):
+                pull(torch.zeros(2, 3), whole | {parameter: place})
     synapse, lateral = actor.spiking_layers()[1].synapse, actor.spiking_layers()[1].lateral
     for parameter, shape in ((synapse.weight, (256, 255)), (synapse.bias, (3,)), (lateral.weight, (1, 256))):
         before, parameter.data = parameter.data, torch.zeros(shape)
         with pytest.raises(ValueError, match="do not fit"):
-            actor(torch.zeros(2, 11))
+            actor.vjp(torch.zeros(2, 11))
         parameter.data = before
     actor.layers.double()
     with pytest.raises(RuntimeError, match="dtype"):  # of the operators, which say so
-        actor(torch.zeros(2, 11))
+        actor.vjp(torch.zeros(2, 11))
+
+
+def test_an_actor_that_computes_something_else_learns_by_autograd():
+    """A subclass, or a weight that is made of others: the gradient by hand would be another network's."""
+
+    class Twice(SpikingActor):
+        def forward(self, observation, generator=None):
+            return 2 * super().forward(observation, generator)
+
+    actor = build_actor(configuration("bptsan", "deterministic"), 11, 3, Streams(0))
+    observation, to_raw = torch.randn(6, 11), torch.randn(6, 3)
+    raw, *expected = gradients(actor, observation, to_raw)
+    weight = expected[[name for name, _ in actor.named_parameters()].index("layers.0.synapse.weight")]
+    actor.__class__ = Twice
+    twice_raw, *twice = gradients(actor, observation, to_raw)
+    assert torch.equal(twice_raw, 2 * raw)
+    for ours, theirs in zip(twice, expected, strict=True):
+        torch.testing.assert_close(ours, 2 * theirs, rtol=1e-4, atol=1e-6)
+    actor.__class__ = SpikingActor
+
+    class Doubled(torch.nn.Module):
+        def forward(self, weight):
+            return 2 * weight
+
+    synapse = actor.spiking_layers()[0].synapse
+    register_parametrization(synapse, "weight", Doubled(), unsafe=True)
+    synapse.parametrizations.weight.original.data.mul_(0.5)
+    raw_again, *parametrized = gradients(actor, observation, to_raw)
+    assert torch.equal(raw_again, raw)
+    by_name = dict(zip([name for name, _ in actor.named_parameters()], parametrized, strict=True))
+    torch.testing.assert_close(by_name["layers.0.synapse.parametrizations.weight.original"], 2 * weight)
 
 
 def test_a_second_derivative_is_refused_rather_than_wrong():
     actor = build_actor(configuration("bptsan", "deterministic"), 11, 3, Streams(0))
-    (gradient,) = torch.autograd.grad(actor(torch.randn(4, 11)).square().sum(), actor.decoder.weight, create_graph=True)
+    weight = actor.spiking_layers()[0].synapse.weight
+    (gradient,) = torch.autograd.grad(actor(torch.randn(4, 11)).square().sum(), weight, create_graph=True)
     with pytest.raises(RuntimeError, match="once_differentiable"):
         gradient.square().sum().backward()
 
@@ -151,8 +198,8 @@ def test_copies_of_an_actor_compute_with_their_own_weights():
     """The target networks of TD3 are such copies."""
     actor = build_actor(configuration("bptsan", "deterministic"), 11, 3, Streams(0))
     twin, observation = copy.deepcopy(actor), torch.randn(4, 11)
-    assert torch.equal(twin(observation), actor(observation))
+    assert torch.equal(twin.vjp(observation)[0], actor.vjp(observation)[0])
     with torch.no_grad():
         for parameter in twin.parameters():
             parameter.mul_(0.5)
-    assert not torch.equal(twin(observation), actor(observation))
+    assert not torch.equal(twin.vjp(observation)[0], actor.vjp(observation)[0])

@@ -215,9 +215,9 @@ def test_saturation_shows_in_the_health():
 def test_aan_trunk_and_head():
     actor = build("aan", "task")
     assert isinstance(actor, MLPActor)
-    features = actor.trunk(observations())
-    assert features.shape == (20, 24)
-    assert torch.equal(actor.head(features), actor(observations()))
+    features = actor.hidden(observations())
+    assert features.shape == (1, 20, 24)
+    assert torch.equal(actor.output(features.squeeze(0)).squeeze(0), actor(observations()))
 
 
 class Custom(Actor):

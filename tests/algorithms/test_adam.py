@@ -32,8 +32,8 @@ def test_modules_keep_working_on_the_flat_values() -> None:
     before = module(x)
     flat = FlatParameters([module])
     assert torch.equal(module(x), before)
-    gradients = torch.autograd.grad(module(x).sum(), flat.parameters)
-    flat.join(gradients)
+    for p, gradient in zip(flat.parameters, torch.autograd.grad(module(x).sum(), flat.parameters), strict=True):
+        flat.gradient_of[p].copy_(gradient)
     FlatAdam(flat.values, flat.gradient, 0.1).step()
     assert not torch.equal(module(x), before)
     other = FlatParameters([torch.nn.Sequential(torch.nn.Linear(3, 4), torch.nn.Linear(4, 2))])

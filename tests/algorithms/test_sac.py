@@ -10,12 +10,16 @@ from torchrl.modules import NormalParamExtractor, ProbabilisticActor, TanhNormal
 from torchrl.objectives import SACLoss
 
 from src.algorithms import sac
+from src.algorithms.build import build_learner
 from src.algorithms.critic import TwinCritic
+from src.algorithms.sac_learner import SACLearner
 from src.algorithms.td3 import critic_loss
 from src.streams import Streams
 from tests.algorithms.test_td3 import DISCOUNT, LIMIT, B, M, N, _Critic, copy_critic, make_batch
+from tests.helpers import make_config
 
 ALPHA = 0.2
+BOUNDS = sac.Bounds(log_std_min=-20.0, log_std_max=2.0, action_limit=1.0)
 
 
 def make_actor() -> tuple[nn.Module, ProbabilisticActor]:
@@ -59,7 +63,7 @@ def test_losses_and_gradients_equal_torchrls(monkeypatch: pytest.MonkeyPatch) ->
 
     def sample(observation: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         mean, log_std = network(observation).chunk(2, dim=-1)
-        return sac.tanh_gaussian(mean, log_std, noise, LIMIT)
+        return sac.tanh_gaussian(mean, log_std, noise, BOUNDS._replace(action_limit=LIMIT))
 
     with torch.no_grad():
         next_action, next_log_probability = sample(batch["next", "observation"])
@@ -95,7 +99,7 @@ def test_losses_and_gradients_equal_torchrls(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_log_probability_is_the_change_of_variables() -> None:
     mean, log_std, noise = torch.tensor([[0.3]]), torch.tensor([[-0.5]]), torch.tensor([[1.2]])
-    action, log_probability = sac.tanh_gaussian(mean, log_std, noise, 1.0)
+    action, log_probability = sac.tanh_gaussian_vjp(mean, log_std, noise, BOUNDS)[:2]
     u = 0.3 + math.exp(-0.5) * 1.2
     density = math.exp(-0.5 * 1.2**2) / (math.exp(-0.5) * math.sqrt(2 * math.pi)) / (1 - math.tanh(u) ** 2)
     assert float(action) == pytest.approx(math.tanh(u), rel=1e-6)
@@ -103,38 +107,75 @@ def test_log_probability_is_the_change_of_variables() -> None:
 
 
 def test_log_probability_stays_finite_where_tanh_saturates() -> None:
-    _, log_probability = sac.tanh_gaussian(torch.tensor([[40.0]]), torch.tensor([[0.0]]), torch.tensor([[0.0]]), 1.0)
+    zero = torch.tensor([[0.0]])
+    _, log_probability, _ = sac.tanh_gaussian_vjp(torch.tensor([[40.0]]), zero, zero, BOUNDS)
     assert torch.isfinite(log_probability).all()
 
 
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])  # the kernel, PyTorch's operators
 @pytest.mark.parametrize("scale", [1.0, 30.0])  # 30: the tanh is saturated
-def test_the_kernel_samples_what_the_equations_say(scale: float) -> None:
-    mean, log_std = scale * torch.randn(50, 3), torch.randn(50, 3)
+@pytest.mark.parametrize("log_std_scale", [1.5, 20.0])  # some, most are out of their bounds
+def test_a_sample_and_its_gradient_are_what_the_equations_say(
+    log_std_scale: float, scale: float, dtype: torch.dtype
+) -> None:
+    bounds = BOUNDS._replace(action_limit=2.0)
+    mean, log_std = scale * torch.randn(50, 3), log_std_scale * torch.randn(50, 3)
+    log_std[0, :2] = torch.tensor([bounds.log_std_min, bounds.log_std_max])  # the bounds themselves belong to them
     noise, weights = torch.randn(50, 3), (torch.randn(50, 3), torch.randn(50))
-    results = []
-    for dtype, sample in ((torch.float32, sac.tanh_gaussian), (torch.float64, sac.tanh_gaussian_reference)):
-        inputs = mean.to(dtype).requires_grad_(), log_std.to(dtype).requires_grad_()
-        outputs = sample(*inputs, noise.to(dtype), 2.0)
-        loss = sum((w.to(dtype) * x).sum() for w, x in zip(weights, outputs))
-        results.append([*outputs, *torch.autograd.grad(loss, inputs)])  # type: ignore[arg-type]
-    for ours, theirs in zip(*results):
-        torch.testing.assert_close(ours, theirs.float(), rtol=1e-4, atol=1e-4)
+    action, log_probability, pull = sac.tanh_gaussian_vjp(*(x.to(dtype) for x in (mean, log_std, noise)), bounds)
+    ours = action, log_probability, *pull(*(weight.to(dtype) for weight in weights))
+    inputs = mean.double().requires_grad_(), log_std.double().requires_grad_()
+    outputs = sac.tanh_gaussian(*inputs, noise.double(), bounds)
+    theirs = *outputs, *torch.autograd.grad(outputs, inputs, [weight.double() for weight in weights])
+    for a, b in zip(ours, theirs, strict=True):
+        assert not a.requires_grad
+        torch.testing.assert_close(a, b.to(dtype), rtol=1e-4, atol=1e-4)
+    clamped = (log_std < bounds.log_std_min) | (log_std > bounds.log_std_max)
+    assert clamped.any() and not ours[3][clamped].any() and ours[3][~clamped].any()
 
 
-def test_a_sample_may_be_asked_for_one_of_its_two_parts() -> None:
-    inputs = [torch.randn(4, 3, requires_grad=True) for _ in range(2)]
-    noise = torch.randn(4, 3)
-    for part in (0, 1):
-        ours = torch.autograd.grad(sac.tanh_gaussian(*inputs, noise, 1.0)[part].sum(), inputs)
-        theirs = torch.autograd.grad(sac.tanh_gaussian_reference(*inputs, noise, 1.0)[part].sum(), inputs)
-        for a, b in zip(ours, theirs):
-            torch.testing.assert_close(a, b)
+def test_a_sample_that_is_not_a_number_stays_none() -> None:
+    one, none = torch.ones(1, 1), torch.full((1, 1), torch.nan)
+    for mean, log_std in ((none, one), (one, none)):
+        for value in sac.tanh_gaussian_vjp(mean, log_std, one, BOUNDS)[:2]:
+            assert value.isnan().all()
+
+
+def test_gradients_to_a_sample_of_other_shapes_are_refused() -> None:
+    """The kernel checks nothing."""
+    _, _, pull = sac.tanh_gaussian_vjp(*(torch.randn(4, 3) for _ in range(3)), BOUNDS)
+    for shapes in (((3, 3), (4,)), ((4, 3), (3,))):
+        with pytest.raises(ValueError, match=r"a sample is \[4, 3\]"):
+            pull(*(torch.zeros(shape) for shape in shapes))
 
 
 def test_parts_of_other_shapes_are_broadcast() -> None:
     mean, log_std, noise = torch.randn(4, 3), torch.randn(1, 3), torch.randn(4, 3)
-    for ours, theirs in zip(
-        sac.tanh_gaussian(mean, log_std, noise, 1.0),
-        sac.tanh_gaussian_reference(mean, log_std.expand(4, 3), noise, 1.0),
-    ):
+    broadcast, whole = (sac.tanh_gaussian_vjp(mean, x, noise, BOUNDS) for x in (log_std, log_std.expand(4, 3)))
+    for ours, theirs in zip(broadcast[:2], whole[:2], strict=True):
         torch.testing.assert_close(ours, theirs)
+
+
+@pytest.mark.parametrize("kind", ["aan", "bptsan"])  # heads on a trunk, networks
+def test_the_policys_gradients_are_autograds(kind: str) -> None:
+    learner = build_learner(make_config(algo="sac", actor=kind), N, M, LIMIT, Streams(0))
+    assert isinstance(learner, SACLearner)
+    observation, noise, bounds = torch.randn(6, N), torch.randn(6, M), learner.gaussian.bounds
+    to_action, to_log_probability = torch.randn(6, M), torch.randn(6)
+    (action, log_probability), _, pull = learner.gaussian.vjp(observation, noise, torch.Generator().manual_seed(3))
+    pull(to_action, to_log_probability, learner.gradient_of)
+    actor, draws = learner.policy.actor, torch.Generator().manual_seed(3)
+    if kind == "aan":
+        features = actor.hidden(observation).squeeze(0)  # type: ignore[operator]
+        mean, log_std = actor.output(features).squeeze(0), learner.log_std(features)  # type: ignore[operator]
+    else:
+        mean, log_std = actor(observation, draws), learner.log_std(observation)
+    outputs = sac.tanh_gaussian(mean, log_std, noise, bounds)
+    torch.testing.assert_close((action, log_probability), tuple(x.detach() for x in outputs))
+    parameters = [*actor.parameters(), *learner.log_std.parameters()]
+    assert set(parameters) == set(learner.gradient_of)
+    for p, expected in zip(parameters, torch.autograd.grad(outputs, parameters, [to_action, to_log_probability])):
+        torch.testing.assert_close(learner.gradient_of[p], expected, rtol=1e-4, atol=1e-5)
+        assert expected.any()
+    sample = learner.gaussian.sample(observation, noise, torch.Generator().manual_seed(3))
+    assert torch.equal(sample.action, action) and torch.equal(sample.log_probability, log_probability)
