@@ -60,9 +60,26 @@ def _add_product(target, a, b):  # type: ignore[no-untyped-def]
         target[j] = target[j] + a[j] * b[j]
 
 
-def _add_two_products(target, a0, b0, a1, b1):  # type: ignore[no-untyped-def]
-    for j in range(target.shape[0]):
-        target[j] = target[j] + a0[j] * b0[j] + a1[j] * b1[j]
+def _add_four_shifted(target, a, b, s0, s1, s2, s3):  # type: ignore[no-untyped-def]
+    """Four times ``target[j] += a[k, j + s_k] b[j + s_k]``, in order; shapes ``[n]``, ``[4, m]``, ``[m]``."""
+    for i in range(target.shape[0]):
+        j = np.uint64(i)  # with signed numbers Numba looks for negative ones, and the loop is not SIMD
+        target[j] = (
+            target[j] + a[0, j + s0] * b[j + s0] + a[1, j + s1] * b[j + s1] + a[2, j + s2] * b[j + s2]
+            + a[3, j + s3] * b[j + s3]
+        )  # fmt: skip
+
+
+def _add_shifted(target, a, b, shifts):  # type: ignore[no-untyped-def]
+    """``target[j] += sum over k of a[k, j + s_k] b[j + s_k]``, one term after the other."""
+    k = 0
+    while k + 3 < shifts.shape[0]:
+        _add_four_shifted(target, a[k : k + 4], b, shifts[k], shifts[k + 1], shifts[k + 2], shifts[k + 3])
+        k += 4
+    while k < shifts.shape[0]:
+        start = int64(shifts[k])
+        _add_product(target, a[k, start:], b[start:])
+        k += 1
 
 
 def _maxout_first(x, branch, z0, z1):  # type: ignore[no-untyped-def]
@@ -137,6 +154,11 @@ def _forward(  # type: ignore[no-untyped-def]
     branch = np.zeros(n, np.int8)
     padded = np.zeros(n + 2 * radius, np.float32)  # zeros beyond the ends of the line
     o = padded[radius : radius + n]
+    shifts, shifted = np.empty(neighbours, np.uint64), np.empty((neighbours, n + 2 * radius), np.float32)
+    for k in range(neighbours):
+        start = radius + offsets[k]
+        shifts[k] = start
+        _copy(shifted[k, start : start + n], lateral[k])
     for b in range(samples):
         _fill(c, ZERO)
         _fill(v, ZERO)
@@ -151,13 +173,7 @@ def _forward(  # type: ignore[no-untyped-def]
                 _current(c, x, bias, current_decay)
             _membrane(v, o, c, voltage_decay)
             if t > 0:
-                k = 0
-                while k + 1 < neighbours:
-                    o0, o1 = padded[radius + offsets[k] :], padded[radius + offsets[k + 1] :]
-                    _add_two_products(v, lateral[k], o0, lateral[k + 1], o1)
-                    k += 2
-                if k < neighbours:
-                    _add_product(v, lateral[k], padded[radius + offsets[k] :])
+                _add_shifted(v, shifted, padded, shifts)
             _fire(o, v, threshold)
             _copy(spikes[t, b], o)
             if keep:
@@ -184,7 +200,9 @@ def _backward(  # type: ignore[no-untyped-def]
     padded_o = np.zeros(n + 2 * radius, np.float32)
     padded_gv = np.zeros(n + 2 * radius, np.float32)
     padded_lateral = np.zeros((neighbours, n + 2 * radius), np.float32)
+    shifts = np.empty(neighbours, np.uint64)
     for k in range(neighbours):
+        shifts[k] = radius - offsets[k]
         _copy(padded_lateral[k, radius : radius + n], lateral[k])
     o, gv = padded_o[radius : radius + n], padded_gv[radius : radius + n]
     for b in range(samples):
@@ -197,16 +215,7 @@ def _backward(  # type: ignore[no-untyped-def]
                 for k in range(neighbours):
                     _add_product(grad_lateral[k], gv, padded_o[radius + offsets[k] :])
                 if through_lateral > 0:
-                    k = 0
-                    while k + 1 < neighbours:
-                        s0, s1 = radius - offsets[k], radius - offsets[k + 1]
-                        _add_two_products(
-                            g, padded_lateral[k, s0:], padded_gv[s0:], padded_lateral[k + 1, s1:], padded_gv[s1:]
-                        )
-                        k += 2
-                    if k < neighbours:
-                        s0 = radius - offsets[k]
-                        _add_product(g, padded_lateral[k, s0:], padded_gv[s0:])
+                    _add_shifted(g, padded_lateral, padded_gv, shifts)
             _membrane_gradient(gv, g, potentials[t, b], o, voltage_decay, threshold, window, reset)
             _current_gradient(gc, gv, current_decay)
             _add(grad_bias, gc)
@@ -398,8 +407,8 @@ def _network_backward(  # type: ignore[no-untyped-def]
 
 
 _PASSES = (
-    _fill, _copy, _add, _add_product, _add_two_products, _maxout_first, _maxout_next, _current, _membrane, _fire,
-    _membrane_gradient, _current_gradient, _branch_gradient,
+    _fill, _copy, _add, _add_product, _add_four_shifted, _add_shifted, _maxout_first, _maxout_next, _current, _membrane,
+    _fire, _membrane_gradient, _current_gradient, _branch_gradient,
 )  # fmt: skip
 for _function in (
     *_PASSES, _spread, _gather, _product, _forward, _backward, _layer_forward, _layer_backward, _floats, _bytes,

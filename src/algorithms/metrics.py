@@ -31,15 +31,24 @@ class BurstRecord:
     def __init__(self) -> None:
         self._losses: dict[str, list[Tensor]] = {}
         self._values: list[Tensor] = []
+        self._samples: list[tuple[Tensor, ...]] = []
         self.health: dict[str, float] = {}
 
     def add(self, name: str, value: Tensor) -> None:
-        """Note a tensor; its mean over the burst is reported."""
-        self._losses.setdefault(name, []).append(value.detach())
+        """Note a metric of one update, or of all of them, ``[C]``; its mean over the burst is reported."""
+        self._losses.setdefault(name, []).append(value)
 
     def add_values(self, values: Tensor) -> None:
         """Note the critics' values ``[2, B]``."""
-        self._values.append(values.detach())
+        self._values.append(values)
+
+    def add_samples(self, *samples: Tensor) -> None:
+        """Note what the actor's loss is made of, ``[..., B]`` each."""
+        self._samples.append(samples)
+
+    def samples(self) -> tuple[Tensor, ...]:
+        """What was noted of all C updates, ``[..., C, B]`` each."""
+        return tuple(torch.stack(parts, dim=-2) for parts in zip(*self._samples))
 
     def add_health(self, health: ActorHealth, actor: Actor, gradient_of: GradientOf) -> None:
         """Note firing rates, window shares and gradient norms per spiking layer (METHOD: the hazard of saturation)."""

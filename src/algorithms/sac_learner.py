@@ -76,11 +76,15 @@ class SACLearner(Learner):
         noise = torch.randn((2, *burst.action.shape), generator=self.streams.target_noise).to(burst.action.device)
         inputs = torch.cat([burst.observation, burst.action], dim=-1)
         batches = zip(*(x.unbind() for x in burst), noise[0].unbind(), noise[1].unbind())
+        to_log_probability = burst.reward.new_full((burst.reward.shape[1],), 1.0 / burst.reward.shape[1]).mul_(c.alpha)
         for index, (observation, _, reward, next_observation, terminated, target_noise, own) in enumerate(batches):
             target = self._bellman_target(reward, next_observation, terminated, target_noise)
             self.critic_step(inputs[index], target, record)
-            self._update_actor(observation, own, record, with_health=index == 0)
+            self._update_actor(observation, own, to_log_probability, record, with_health=index == 0)
             self.flat["target_critic"].follow(self.flat["critic"], c.polyak)
+        log_probability, values = record.samples()
+        record.add("actor_loss", sac.actor_loss(log_probability, values, c.alpha))
+        record.add("log_probability", log_probability.mean(-1))
         return record.means()
 
     @torch.no_grad()
@@ -90,12 +94,12 @@ class SACLearner(Learner):
         values, c = self.target_critic(next_observation, action), self.config
         return sac.bellman_target(reward, terminated, values, log_probability, c.discount, c.alpha)
 
-    def _update_actor(self, observation: Tensor, noise: Tensor, record: BurstRecord, with_health: bool) -> None:
+    def _update_actor(
+        self, observation: Tensor, noise: Tensor, to_log_probability: Tensor, record: BurstRecord, with_health: bool
+    ) -> None:
+        """One step down the gradient of :func:`sac.actor_loss`; ``to_log_probability`` is its alpha / B, ``[B]``."""
         sample, health, pull = self.gaussian.vjp(observation, noise, self.streams.encoder, with_health)
-        action, log_probability = sample
-        values, to_action = self.critic.action_gradient(observation, action, members=2)
-        record.add("actor_loss", sac.actor_loss(log_probability, values, self.config.alpha))
-        record.add("log_probability", log_probability.mean())
-        to_log_probability = torch.full_like(log_probability, 1.0 / len(log_probability)).mul_(self.config.alpha)
+        values, to_action = self.critic.action_gradient(observation, sample.action, members=2)
+        record.add_samples(sample.log_probability, values)
         pull(to_action, to_log_probability, self.gradient_of)
         self.actor_step(record, health, *(() if self.gaussian.shared_trunk else ("log_std",)))

@@ -65,6 +65,8 @@ class TD3Learner(Learner):
                 self.critic_step(inputs[index], target, record)
                 if index % c.policy_delay == 0:
                     self._update_actor(burst.observation[index], record, with_health=index == 0)
+        (first_values,) = record.samples()
+        record.add("actor_loss", td3.actor_loss(first_values))
         return record.means()
 
     @torch.no_grad()
@@ -83,7 +85,7 @@ class TD3Learner(Learner):
     def _update_actor(self, observation: Tensor, record: BurstRecord, with_health: bool) -> None:
         action, health, pull = self.policy.vjp(observation, self.streams.encoder, with_health)
         first_value, to_action = self.critic.action_gradient(observation, action, members=1)
-        record.add("actor_loss", td3.actor_loss(first_value[0]))
+        record.add_samples(first_value[0])
         pull(to_action, self.flat["actor"].gradient_of)
         self.actor_step(record, health)
         self.flat["target_actor"].follow(self.flat["actor"], self.config.polyak)
