@@ -42,17 +42,49 @@ class Network:
         self.offsets = next((layer.lateral.offsets for layer in layers if layer.lateral is not None), ())
         self.constants = layers[0].constants
         self.bias_per_neuron = not any(layer.synapse.bias_per_branch for layer in layers)
+        self._key: object = None
+        self._weights: Weights | None = None
 
-    def takes(self, observation: Tensor) -> bool:
-        """Whether :func:`fused_actor` serves: float32 on the CPU, a bias for each neuron."""
-        return self.bias_per_neuron and all(takes_kernel(tensor) for tensor in (observation, *self._weights()))
+    def weights(self, observation: Tensor, for_gradient: bool) -> Weights | None:
+        """The layers' weights, or None where :func:`fused_actor` does not serve.
 
-    def takes_gradient(self, observation: Tensor) -> bool:
-        """Whether :func:`fused_gradient` serves, too: each weight is a parameter, not made of others."""
-        return self.takes(observation) and all(isinstance(weight, nn.Parameter) for weight in self._weights()[1:])
+        It takes float32 on the CPU, a bias for each neuron and, where :func:`fused_gradient` is to follow, weights that
+        are parameters, not made of others.
 
-    def _weights(self) -> list[Tensor]:
-        return [self.encoder.mean, self.decoder.weight, *(synapse.weight for synapse, _ in self.layers)]
+        What was found is kept until one of them lies elsewhere: it holds addresses, not values.
+        """
+        if not takes_kernel(observation):
+            return None
+        tensors: list[Tensor] = [self.encoder.mean, self.decoder.weight]
+        for synapse, lateral in self.layers:
+            matrix, branch = synapse.spreading(for_gradient)
+            tensors += [x for x in (synapse.weight, synapse.bias, matrix, branch) if x is not None]
+            tensors += [] if lateral is None else [lateral.weight]
+        key = [(x.data_ptr(), x.shape, x.dtype, type(x), x.is_contiguous()) for x in tensors]
+        if key != self._key:
+            self._key, self._weights = key, self._find(for_gradient)
+            if self._weights is not None and self._weights.copies:
+                self._key = None
+        return self._weights
+
+    def _find(self, for_gradient: bool) -> Weights | None:
+        own = [self.decoder.weight, *(synapse.weight for synapse, _ in self.layers)]
+        if not self.bias_per_neuron or not all(takes_kernel(x) for x in (self.encoder.mean, *own)):
+            return None
+        if for_gradient and not all(isinstance(weight, nn.Parameter) for weight in own):
+            return None
+        layers, copies = [], False
+        for synapse, lateral in self.layers:
+            weight, bias = synapse.weight.contiguous(), synapse.bias.contiguous()
+            matrix, branch = (weight, None) if synapse.branches == 1 else synapse.spreading(for_gradient)
+            across = None if lateral is None else lateral().contiguous()
+            layers.append(_Layer(weight, bias, across, branch, matrix, synapse.branches))
+            copies |= weight is not synapse.weight or bias is not synapse.bias
+            copies |= lateral is not None and across is not lateral.weight
+        shapes = tuple(
+            (x.weight.shape, x.bias.shape, None if x.lateral is None else x.lateral.shape, x.branches) for x in layers
+        )
+        return Weights(layers, shapes, np.array([layer.row() for layer in layers], np.int64), copies)
 
 
 class _Layer(NamedTuple):
@@ -72,6 +104,15 @@ class _Layer(NamedTuple):
         return weight, bias, lateral, neighbours, branch, matrix, self.branches
 
 
+class Weights(NamedTuple):
+    """Of all layers."""
+
+    layers: list[_Layer]
+    shapes: tuple[tuple[torch.Size, torch.Size, torch.Size | None, int], ...]  # weight, bias, lateral weights; d
+    table: np.ndarray  # as the kernels take it
+    copies: bool  # whether some are copies, since a parameter is not contiguous or shared by the neurons
+
+
 class Pass(NamedTuple):
     """What a pass leaves."""
 
@@ -80,8 +121,7 @@ class Pass(NamedTuple):
     strength: Tensor  # A, [B, N, J]
     spikes: Tensor  # of the encoder, [T, B, N*J]
     rates: Tensor  # of the output neurons, [B, M, P]
-    layers: list[_Layer]
-    table: np.ndarray  # of the layers, as the kernels take it
+    weights: Weights
     block: Tensor  # what the layers did
     layout: _Layout  # of the block
 
@@ -97,11 +137,14 @@ class Pass(NamedTuple):
 
 
 @torch.no_grad()
-def fused_actor(network: Network, observation: Tensor, generator: torch.Generator | None, keep: bool) -> Pass:
+def fused_actor(
+    network: Network, weights: Weights, observation: Tensor, generator: torch.Generator | None, keep: bool
+) -> Pass:
     """A pass of the actor.
 
     Args:
         network: the actor.
+        weights: as it gives them.
         observation: ``[B, N]``.
         generator: the stream of Poisson coding.
         keep: whether :meth:`Pass.trace` or :func:`fused_gradient` is to follow.
@@ -113,25 +156,14 @@ def fused_actor(network: Network, observation: Tensor, generator: torch.Generato
     distance, strength = receptive_fields(observation, encoder.mean, encoder.std)
     spikes = encoder.encode(strength.flatten(1), generator)
     steps, samples, inputs = spikes.shape
-    layers = []
-    for synapse, lateral in network.layers:
-        weight, bias = synapse.weight.contiguous(), synapse.bias.contiguous()
-        matrix, branch = (weight, None) if synapse.branches == 1 else synapse.spreading(for_gradient=keep)
-        across = None if lateral is None else lateral().contiguous()
-        layers.append(_Layer(weight, bias, across, branch, matrix, synapse.branches))
-    shapes = tuple(
-        (layer.weight.shape, layer.bias.shape, None if layer.lateral is None else layer.lateral.shape, layer.branches)
-        for layer in layers
-    )
-    layout = _layout(spikes.shape, shapes, len(network.offsets), decoder.weight.numel(), keep)
+    layout = _layout(spikes.shape, weights.shapes, len(network.offsets), decoder.weight.numel(), keep)
     block, rates = torch.empty(layout.floats), torch.empty(samples, *decoder.weight.shape)
-    table = np.array([layer.row() for layer in layers], np.int64)
     network_forward_kernel()(
         spikes.view(steps * samples, inputs).numpy(),
         steps,
         samples,
         layout.sizes,
-        table,
+        weights.table,
         layout.places + block.data_ptr(),
         offsets_array(network.offsets),
         *network.constants[:3],
@@ -139,7 +171,7 @@ def fused_actor(network: Network, observation: Tensor, generator: torch.Generato
         rates.flatten(1).numpy(),
     )
     raw = decode(rates, decoder.weight, decoder.bias)
-    return Pass(raw, distance, strength, spikes, rates, layers, table, block, layout)
+    return Pass(raw, distance, strength, spikes, rates, weights, block, layout)
 
 
 def _address(tensor: Tensor | None) -> int:
@@ -209,12 +241,13 @@ def fused_gradient(network: Network, done: Pass, to_raw: Tensor, gradient_of: Gr
     encoder_learns = encoder.mean in gradient_of or encoder.std in gradient_of  # type: ignore[comparison-overlap]
     to_strength = torch.empty(samples if encoder_learns else 0, inputs)
     network_backward_kernel()(
-        as_array((to_raw.unsqueeze(-1) * decoder.weight).flatten(1)),
+        as_array(to_raw),
+        as_array(decoder.weight),
         done.spikes.view(steps * samples, inputs).numpy(),
         steps,
         samples,
         done.layout.sizes,
-        done.table,
+        done.weights.table,
         done.layout.places + done.block.data_ptr(),
         np.array([[_address(part) for part in row] for row in to_layers], np.int64),
         offsets_array(network.offsets),

@@ -15,6 +15,8 @@ from numba import float32, void
 from src.actors.kernels import compiled
 
 ZERO, ONE, MINUS_HALF = np.float32(0), np.float32(1), np.float32(-0.5)
+LOWEST = np.float32(-87.33655)  # the largest number whose exponential is denormal
+FAR = np.float32(1)  # stands for exponents up to there; no other is positive
 BLOCK = 512  # neurons whose voltages stay in the first-level cache over all steps
 
 
@@ -35,7 +37,10 @@ def _deterministic(strength, threshold, spikes):  # type: ignore[no-untyped-def]
 
 
 def _exponent(observation, mean, std, distance, exponent):  # type: ignore[no-untyped-def]
-    """Fill ``s - mu`` and ``-(s - mu)^2 / (2 sigma^2)``, ``[B, N, J]``, from ``[B, N]`` and twice ``[N, J]``."""
+    """Fill ``s - mu`` and ``-(s - mu)^2 / (2 sigma^2)``, ``[B, N, J]``, from ``[B, N]`` and twice ``[N, J]``.
+
+    Exponents up to LOWEST become FAR: an exponential that underflows would take fifty times as long.
+    """
     factor = np.empty(mean.shape, np.float32)
     for i in range(mean.shape[0]):
         for j in range(mean.shape[1]):
@@ -46,7 +51,15 @@ def _exponent(observation, mean, std, distance, exponent):  # type: ignore[no-un
             for j in range(mean.shape[1]):
                 d = s - mean[i, j]
                 distance[b, i, j] = d
-                exponent[b, i, j] = d * d * factor[i, j]
+                e = d * d * factor[i, j]
+                exponent[b, i, j] = FAR if e <= LOWEST else e  # what is not a number stays so
+
+
+def _underflow(exponent, strength):  # type: ignore[no-untyped-def]
+    """Strengths of exponents up to LOWEST are 0; shapes ``[n]``."""
+    for i in range(strength.shape[0]):
+        value = strength[i]  # loaded unconditionally, or the loop is not SIMD
+        strength[i] = ZERO if exponent[i] == FAR else value
 
 
 @cache
@@ -54,6 +67,12 @@ def exponent_kernel() -> Callable[..., None]:
     """The compiled receptive fields, but for the exponential."""
     rows, fields = float32[:, ::1], float32[:, :, ::1]
     return compiled(_exponent, void(rows, rows, rows, fields, fields))
+
+
+@cache
+def underflow_kernel() -> Callable[..., None]:
+    """The compiled correction of underflow: arguments exponent, strength (corrected)."""
+    return compiled(_underflow, void(float32[::1], float32[::1]))
 
 
 @cache

@@ -35,8 +35,8 @@ _NETWORK_FORWARD = void(
     _ROWS, int64, int64, _OFFSETS, _TABLE, _TABLE, _OFFSETS, float32, float32, float32, int64, _ROWS
 )  # fmt: skip
 _NETWORK_BACKWARD = void(
-    _ROWS, _ROWS, int64, int64, _OFFSETS, _TABLE, _TABLE, _TABLE, _OFFSETS, float32, float32, float32, float32, float32,
-    float32, _ROWS, _ROWS,
+    _ROWS, _ROWS, _ROWS, int64, int64, _OFFSETS, _TABLE, _TABLE, _TABLE, _OFFSETS, float32, float32, float32, float32,
+    float32, float32, _ROWS, _ROWS,
 )  # fmt: skip
 
 
@@ -364,19 +364,21 @@ def _network_forward(  # type: ignore[no-untyped-def]
 
 
 def _network_backward(  # type: ignore[no-untyped-def]
-    grad_rates, x, steps, samples, sizes, parameters, places, gradients, offsets, current_decay, voltage_decay,
+    grad_raw, decoder, x, steps, samples, sizes, parameters, places, gradients, offsets, current_decay, voltage_decay,
     threshold, window, reset, through_lateral, coding_gradient, grad_strength,
 ):  # fmt: skip
-    """From the gradient to the rates ``[B, sizes[L]]`` to ``gradients[k]``, the addresses of those of weight, bias and
-    lateral weights, filled; and with a ``coding_gradient`` ``[1, T]`` to the strength ``[B, sizes[0]]`` that x encodes.
+    """From the gradient to the raw action ``[B, M]`` of a decoder ``[M, P]`` to ``gradients[k]``, the addresses of
+    those of weight, bias and lateral weights, filled; and with a ``coding_gradient`` ``[1, T]`` to the strength
+    ``[B, sizes[0]]`` that x encodes.
     """
     layers = parameters.shape[0]
     nothing = np.empty((0, 0), np.float32)
     n = sizes[layers]
     grad = np.empty((steps, samples, n), np.float32)
     for b in range(samples):
-        for j in range(n):
-            grad[0, b, j] = grad_rates[b, j] / np.float32(steps)
+        for m in range(decoder.shape[0]):
+            for p in range(decoder.shape[1]):
+                grad[0, b, m * decoder.shape[1] + p] = grad_raw[b, m] * decoder[m, p] / np.float32(steps)
     for t in range(1, steps):
         _copy(grad[t].reshape(samples * n), grad[0].reshape(samples * n))
     for k in range(layers - 1, -1, -1):

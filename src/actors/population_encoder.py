@@ -12,7 +12,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from src.actors.coding_kernel import exponent_kernel
+from src.actors.coding_kernel import LOWEST, exponent_kernel, underflow_kernel
 from src.actors.kernels import as_array, takes_kernel
 from src.actors.spike_coding import Coding, StraightThroughSpikes, coding_gradient, encode
 from src.config import EncoderConfig
@@ -90,15 +90,21 @@ class GaussianReceptiveFields(torch.autograd.Function):
 
 
 def receptive_fields(observation: Tensor, mean: Tensor, std: Tensor) -> tuple[Tensor, Tensor]:
-    """``s - mu`` and the strength ``exp(-(s - mu)^2 / (2 sigma^2))``, ``[B, N, J]``, of an observation ``[B, N]``."""
+    """``s - mu`` and the strength ``exp(-(s - mu)^2 / (2 sigma^2))``, ``[B, N, J]``, of an observation ``[B, N]``.
+
+    Strengths below float32's smallest normal number, 1.2e-38, are 0.
+    """
     if not (takes_kernel(observation) and takes_kernel(mean)):
         distance = observation.unsqueeze(-1) - mean
-        return distance, torch.exp(distance.square().mul_(-0.5 / std.square()))
+        exponent = distance.square().mul_(-0.5 / std.square())
+        return distance, exponent.exp().masked_fill_(exponent <= float(LOWEST), 0.0)
     if observation.shape[1:] != mean.shape[:1]:
         raise ValueError(f"the encoder takes observations [B, {mean.shape[0]}], not {[*observation.shape]}")
-    distance, strength = (torch.empty(*observation.shape, mean.shape[1]) for _ in range(2))
-    exponent_kernel()(*(as_array(x) for x in (observation, mean, std)), distance.numpy(), strength.numpy())
-    return distance, strength.exp_()
+    distance, exponent = (torch.empty(*observation.shape, mean.shape[1]) for _ in range(2))
+    exponent_kernel()(*(as_array(x) for x in (observation, mean, std)), distance.numpy(), exponent.numpy())
+    strength = exponent.exp()
+    underflow_kernel()(exponent.view(-1).numpy(), strength.view(-1).numpy())
+    return distance, strength
 
 
 def receptive_field_gradients(

@@ -96,9 +96,10 @@ class SpikingActor(Actor):
         self, observation: Tensor, generator: torch.Generator | None = None, with_health: bool = False
     ) -> tuple[Tensor, ActorHealth | None, Pull]:
         """See :meth:`Actor.vjp`; without autograd where there are kernels."""
-        if type(self) is not SpikingActor or not self._network.takes_gradient(observation):
+        weights = self._network.weights(observation, for_gradient=True)
+        if type(self) is not SpikingActor or weights is None:  # a subclass may compute something else
             return super().vjp(observation, generator, with_health)
-        done = fused_actor(self._network, observation, generator, keep=True)
+        done = fused_actor(self._network, weights, observation, generator, keep=True)
         health = self._health(done.trace()) if with_health else None
         return done.raw, health, partial(fused_gradient, self._network, done)
 
@@ -111,8 +112,9 @@ class SpikingActor(Actor):
         return ActorHealth(trace.input_spikes.mean(), tuple(health))
 
     def _pass(self, observation: Tensor, generator: torch.Generator | None, trace: bool) -> tuple[Tensor, Trace]:
-        if not torch.is_grad_enabled() and self._network.takes(observation):
-            done = fused_actor(self._network, observation, generator, keep=trace)
+        weights = None if torch.is_grad_enabled() else self._network.weights(observation, for_gradient=False)
+        if weights is not None:
+            done = fused_actor(self._network, weights, observation, generator, keep=trace)
             return done.raw, done.trace() if trace else Trace(done.spikes, [])
         strength = self.encoder.strength(observation)
         spikes = self.encoder.encode(strength, generator)

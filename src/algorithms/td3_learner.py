@@ -59,9 +59,11 @@ class TD3Learner(Learner):
         c, record = self.config, BurstRecord()
         noise = c.target_noise * torch.randn(burst.action.shape, generator=self.streams.target_noise)
         noise, inputs = noise.to(burst.action.device), torch.cat([burst.observation, burst.action], dim=-1)
-        for group in td3.target_groups(len(inputs), c.policy_delay):
-            targets = self._bellman_targets(burst, noise, slice(group.start, group.stop))
-            for index, target in zip(group, targets):
+        groups = list(td3.target_groups(len(inputs), c.policy_delay))
+        lengths, seen = [len(group) * inputs.shape[1] for group in groups], (burst.next_observation, noise)
+        parts = (x.flatten(0, 1).split(lengths) for x in (*seen, burst.reward, burst.terminated))
+        for group, *part in zip(groups, *parts, strict=True):
+            for index, target in zip(group, self._bellman_targets(*part).split(inputs.shape[1]), strict=True):
                 self.critic_step(inputs[index], target, record)
                 if index % c.policy_delay == 0:
                     self._update_actor(burst.observation[index], record, with_health=index == 0)
@@ -70,17 +72,13 @@ class TD3Learner(Learner):
         return record.means()
 
     @torch.no_grad()
-    def _bellman_targets(self, burst: Minibatches, noise: Tensor, chosen: slice) -> Tensor:
-        """Targets ``[k, B]`` of k minibatches at once, where the same target networks serve them."""
-        next_observation = burst.next_observation[chosen].flatten(0, 1)
-        next_action = td3.smoothed_target_action(
-            self.target_policy(next_observation, self.streams.encoder),
-            noise[chosen].flatten(0, 1),
-            self.config.target_noise_clip,
-            self.action_limit,
-        )
-        next_values = self.target_critic(next_observation, next_action).unflatten(1, (-1, burst.reward.shape[1]))
-        return td3.bellman_target(burst.reward[chosen], burst.terminated[chosen], next_values, self.config.discount)
+    def _bellman_targets(self, next_observation: Tensor, noise: Tensor, reward: Tensor, terminated: Tensor) -> Tensor:
+        """Targets ``[k*B]`` of k minibatches at once, where the same target networks serve them."""
+        action = self.target_policy(next_observation, self.streams.encoder)
+        c = self.config
+        next_action = td3.smoothed_target_action(action, noise, c.target_noise_clip, self.action_limit)
+        next_values = self.target_critic(next_observation, next_action)
+        return td3.bellman_target(reward, terminated, next_values, c.discount)
 
     def _update_actor(self, observation: Tensor, record: BurstRecord, with_health: bool) -> None:
         action, health, pull = self.policy.vjp(observation, self.streams.encoder, with_health)

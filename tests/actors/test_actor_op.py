@@ -194,6 +194,48 @@ def test_a_second_derivative_is_refused_rather_than_wrong():
         gradient.square().sum().backward()
 
 
+@pytest.mark.parametrize("name", ["layers.0.synapse.weight", "layers.1.synapse.bias", "layers.1.lateral.weight"])
+def test_weights_that_move_or_change_are_seen(name):
+    """The kernels take addresses that are kept from pass to pass."""
+    actor = build_actor(configuration("bptsan", "deterministic"), 11, 3, Streams(0))
+    observation, parameter = torch.randn(6, 11), dict(actor.named_parameters())[name]
+
+    def raws():
+        found = [actor.vjp(observation)[0]]
+        with torch.no_grad():
+            found.append(actor(observation))
+            with actor.fixed_weights():
+                found.append(actor(observation))
+        return found
+
+    before = raws()
+    assert all(torch.equal(raw, before[0]) for raw in before)
+    old = parameter.data
+    parameter.data = old + 0.3
+    moved = raws()
+    assert all(torch.equal(raw, moved[0]) for raw in moved) and not torch.equal(moved[0], before[0])
+    old.fill_(torch.nan)  # where it was
+    assert all(torch.equal(raw, moved[0]) for raw in raws())
+    parameter.data.sub_(0.3)  # in place, as optimizers do
+    changed = raws()
+    assert all(torch.equal(raw, changed[0]) for raw in changed) and not torch.equal(changed[0], moved[0])
+    module = actor.get_submodule(name.rpartition(".")[0])
+    setattr(module, name.rpartition(".")[2], torch.nn.Parameter(parameter.detach() + 0.3))
+    assert all(torch.equal(raw, moved[0]) or torch.allclose(raw, moved[0]) for raw in raws())
+
+
+@pytest.mark.parametrize("option", ["shared", "transposed"])
+def test_weights_that_are_copied_for_the_kernels_are_copied_anew(option):
+    shared = {"actor__lateral__weights": "shared"} if option == "shared" else {}
+    actor = build_actor(configuration("bptsan", "deterministic", **shared), 11, 3, Streams(0))
+    layer, observation = actor.spiking_layers()[1], torch.randn(6, 11)
+    if option == "transposed":
+        layer.synapse.weight.data = layer.synapse.weight.detach().t().contiguous().t()
+    before = actor.vjp(observation)[0]
+    (layer.lateral if option == "shared" else layer.synapse).weight.data.add_(0.3)
+    assert not torch.equal(actor.vjp(observation)[0], before)
+
+
 def test_copies_of_an_actor_compute_with_their_own_weights():
     """The target networks of TD3 are such copies."""
     actor = build_actor(configuration("bptsan", "deterministic"), 11, 3, Streams(0))

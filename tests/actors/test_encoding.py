@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from src.actors.philox import draw_key, philox, uniform
-from src.actors.population_encoder import PopulationEncoder
+from src.actors.population_encoder import PopulationEncoder, receptive_fields
 from src.actors.spike_coding import StraightThroughSpikes, coding_gradient, encode, poisson_draws
 from tests.actors.configuration import configuration
 
@@ -121,6 +121,22 @@ def test_receptive_fields():
     centres = np.linspace(-3, 3, 10)
     expected = np.exp(-((observation.numpy()[:, :, None] - centres) ** 2) / (2 * 0.15))
     np.testing.assert_allclose(module.strength(observation).detach().numpy(), expected.reshape(4, 30), atol=1e-6)
+
+
+@pytest.mark.parametrize("kernel", [True, False])
+def test_strengths_that_underflow_are_zero(kernel, monkeypatch):
+    """Not denormal numbers, which take an exponential fifty times as long; and nothing else is touched."""
+    if not kernel:
+        monkeypatch.setattr("src.actors.population_encoder.takes_kernel", lambda tensor: False)
+    exponents = np.concatenate([np.linspace(-88, -86, 999), [-np.inf, -100, -50, 0, np.nan]])
+    mean, std = torch.zeros(1, 1), torch.full((1, 1), 0.5**0.5)
+    observation = torch.tensor(np.sqrt(-exponents), dtype=torch.float32).unsqueeze(1)
+    distance, strength = receptive_fields(observation, mean, std)
+    exponent = (distance.square() * (-0.5 / std.square())).flatten().double().numpy()
+    expected, tiny = np.exp(exponent), np.finfo(np.float32).tiny
+    found = strength.flatten().double().numpy()
+    np.testing.assert_allclose(found, np.where(expected < tiny, 0, expected), rtol=2e-5)
+    assert (found == 0).any() and ((found > 0) & (found < 1e-37)).any() and not ((found > 0) & (found < tiny)).any()
 
 
 def test_receptive_field_gradients():
