@@ -60,26 +60,21 @@ def _add_product(target, a, b):  # type: ignore[no-untyped-def]
         target[j] = target[j] + a[j] * b[j]
 
 
-def _add_four_shifted(target, a, b, s0, s1, s2, s3):  # type: ignore[no-untyped-def]
-    """Four times ``target[j] += a[k, j + s_k] b[j + s_k]``, in order; shapes ``[n]``, ``[4, m]``, ``[m]``."""
+def _add_shifted(target, a, k, b, shift):  # type: ignore[no-untyped-def]
+    """``target[j] += a[k, j + s] b[j + s]``; shapes ``[n]``, ``[K, m]``, ``[m]``."""
     for i in range(target.shape[0]):
-        j = np.uint64(i)  # with signed numbers Numba looks for negative ones, and the loop is not SIMD
-        target[j] = (
-            target[j] + a[0, j + s0] * b[j + s0] + a[1, j + s1] * b[j + s1] + a[2, j + s2] * b[j + s2]
-            + a[3, j + s3] * b[j + s3]
+        j = np.uint64(i) + shift  # with signed numbers Numba looks for negative ones, and the loop is not SIMD
+        target[i] = target[i] + a[k, j] * b[j]
+
+
+def _add_four_shifted(target, a, k, b, s0, s1, s2, s3):  # type: ignore[no-untyped-def]
+    """The same for k to k + 3, in order."""
+    for i in range(target.shape[0]):
+        j = np.uint64(i)
+        target[i] = (
+            target[i] + a[k, j + s0] * b[j + s0] + a[k + 1, j + s1] * b[j + s1] + a[k + 2, j + s2] * b[j + s2]
+            + a[k + 3, j + s3] * b[j + s3]
         )  # fmt: skip
-
-
-def _add_shifted(target, a, b, shifts):  # type: ignore[no-untyped-def]
-    """``target[j] += sum over k of a[k, j + s_k] b[j + s_k]``, one term after the other."""
-    k = 0
-    while k + 3 < shifts.shape[0]:
-        _add_four_shifted(target, a[k : k + 4], b, shifts[k], shifts[k + 1], shifts[k + 2], shifts[k + 3])
-        k += 4
-    while k < shifts.shape[0]:
-        start = int64(shifts[k])
-        _add_product(target, a[k, start:], b[start:])
-        k += 1
 
 
 def _maxout_first(x, branch, z0, z1):  # type: ignore[no-untyped-def]
@@ -173,7 +168,13 @@ def _forward(  # type: ignore[no-untyped-def]
                 _current(c, x, bias, current_decay)
             _membrane(v, o, c, voltage_decay)
             if t > 0:
-                _add_shifted(v, shifted, padded, shifts)
+                k = 0
+                while k + 3 < neighbours:
+                    _add_four_shifted(v, shifted, k, padded, shifts[k], shifts[k + 1], shifts[k + 2], shifts[k + 3])
+                    k += 4
+                while k < neighbours:
+                    _add_shifted(v, shifted, k, padded, shifts[k])
+                    k += 1
             _fire(o, v, threshold)
             _copy(spikes[t, b], o)
             if keep:
@@ -215,7 +216,15 @@ def _backward(  # type: ignore[no-untyped-def]
                 for k in range(neighbours):
                     _add_product(grad_lateral[k], gv, padded_o[radius + offsets[k] :])
                 if through_lateral > 0:
-                    _add_shifted(g, padded_lateral, padded_gv, shifts)
+                    k = 0
+                    while k + 3 < neighbours:
+                        _add_four_shifted(
+                            g, padded_lateral, k, padded_gv, shifts[k], shifts[k + 1], shifts[k + 2], shifts[k + 3]
+                        )
+                        k += 4
+                    while k < neighbours:
+                        _add_shifted(g, padded_lateral, k, padded_gv, shifts[k])
+                        k += 1
             _membrane_gradient(gv, g, potentials[t, b], o, voltage_decay, threshold, window, reset)
             _current_gradient(gc, gv, current_decay)
             _add(grad_bias, gc)
