@@ -282,7 +282,10 @@ def _layer_forward(  # type: ignore[no-untyped-def]
     width, inputs = matrix.shape
     if branch.shape[0] > 0:
         _spread(weight, branch, matrix.reshape(width // n, n, inputs))
-    currents = np.empty((steps * samples, width), np.float32)
+    if width == n:  # a spike takes the place of its current
+        currents = spikes.reshape(steps * samples, n)
+    else:
+        currents = np.empty((steps * samples, width), np.float32)
     _product(x, False, matrix, True, currents)
     _forward(
         currents.reshape(steps, samples, width // n, n), bias, lateral, offsets, current_decay, voltage_decay,
@@ -294,12 +297,15 @@ def _layer_backward(  # type: ignore[no-untyped-def]
     grad, x, branch, matrix, spikes, potentials, branches, lateral, offsets, current_decay, voltage_decay, threshold,
     window, reset, through_lateral, coding_gradient, grad_x, grad_weight, grad_bias, grad_lateral,
 ):  # fmt: skip
-    """Fill the gradients to x, or with a ``coding_gradient`` ``[1, T]`` to the strength ``[B, inputs]`` that x encodes,
+    """Overwrite ``grad``; fill the gradients to x, or with a ``coding_gradient`` ``[1, T]`` to the strength ``[B, inputs]`` that x encodes,
     (none, where ``grad_x`` is empty) and to the weight ``[n, inputs]``; add to those to bias and lateral weights.
     """
     steps, samples, n = spikes.shape
     width, inputs = matrix.shape
-    grad_currents = np.empty((steps * samples, width), np.float32)
+    if width == n:  # in place of that to the spikes
+        grad_currents = grad.reshape(steps * samples, n)
+    else:
+        grad_currents = np.empty((steps * samples, width), np.float32)
     _backward(
         grad, spikes, potentials, branches, lateral, offsets, current_decay, voltage_decay, threshold, window, reset,
         through_lateral, grad_currents.reshape(steps, samples, width // n, n), grad_bias, grad_lateral,
