@@ -297,8 +297,9 @@ def _layer_backward(  # type: ignore[no-untyped-def]
     grad, x, branch, matrix, spikes, potentials, branches, lateral, offsets, current_decay, voltage_decay, threshold,
     window, reset, through_lateral, coding_gradient, grad_x, grad_weight, grad_bias, grad_lateral,
 ):  # fmt: skip
-    """Overwrite ``grad``; fill the gradients to x, or with a ``coding_gradient`` ``[1, T]`` to the strength ``[B, inputs]`` that x encodes,
+    """Fill the gradients to x, or with a ``coding_gradient`` ``[1, T]`` to the strength ``[B, inputs]`` that x encodes,
     (none, where ``grad_x`` is empty) and to the weight ``[n, inputs]``; add to those to bias and lateral weights.
+    ``grad`` is overwritten.
     """
     steps, samples, n = spikes.shape
     width, inputs = matrix.shape
