@@ -67,6 +67,7 @@ class Network:
                 self._key = None
         return self._weights
 
+    @torch.no_grad()
     def _find(self, for_gradient: bool) -> Weights | None:
         own = [self.decoder.weight, *(synapse.weight for synapse, _ in self.layers)]
         if not self.bias_per_neuron or not all(takes_kernel(x) for x in (self.encoder.mean, *own)):
