@@ -16,7 +16,7 @@ from benchmarks.topic import Row, Topic
 from benchmarks.torchrl_loop import torchrl
 
 GOAL = 2.0
-FULL = Race(warm_up=1000, window=500, rounds=5, episode_length=200)
+FULL = Race(warm_up=1000, window=400, rounds=5, episode_length=200)
 QUICK = Race(warm_up=100, window=50, rounds=1, episode_length=20)
 
 

@@ -6,15 +6,15 @@ the whole ensemble of E networks is one call in each direction:
     h_0 = x,   h_k = relu(h_{k-1} W_k + b_k) for k < L,   y = h_{L-1} W_L + b_L
     dW_k = h_{k-1}^T g_k,   db_k = sum_B g_k,   g_{k-1} = (g_k W_k^T) * 1[h_{k-1} > 0]
 
-For float32 on the CPU it is one call of a compiled kernel (:mod:`src.ensemble_mlp_kernel`), else one batched product
-per layer in PyTorch, which is the specification. `tests/test_ensemble_mlp.py` holds both against ``torch.nn.Linear``
-and autograd.
+For float32 on the CPU it is one call of a compiled kernel (:mod:`src.ensemble_mlp_kernel`); otherwise, and wherever
+autograd records, one batched product per layer in PyTorch, which is the specification. `tests/test_ensemble_mlp.py`
+holds both against ``torch.nn.Linear`` and autograd.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
+from functools import lru_cache, partial
 from itertools import pairwise
 
 import numpy as np
@@ -27,11 +27,11 @@ from src.streams import Streams
 
 #: From the gradient to the outputs ``[E, B, out]``, where those of ``W_1, b_1, ..., W_L, b_L`` belong, and whether the
 #: input's is wanted, to that, ``[B, in]``, or None.
-Pull = Callable[[Tensor, Sequence[Tensor], bool], Tensor | None]
+PullOutputs = Callable[[Tensor, Sequence[Tensor], bool], Tensor | None]
 
 
 def ensemble_mlp(parameters: Sequence[Tensor], final_relu: bool, x: Tensor) -> Tensor:
-    """Outputs ``[E, B, out]`` of networks ``W_1, b_1, ..., W_L, b_L`` on ``[B, in]`` (or ``[E, B, in]``).
+    """Outputs ``[E, B, out]`` of networks ``W_1, b_1, ..., W_L, b_L`` on ``[B, in]``.
 
     Where gradients are recorded, in PyTorch's operators: autograd works as ever.
     """
@@ -41,7 +41,7 @@ def ensemble_mlp(parameters: Sequence[Tensor], final_relu: bool, x: Tensor) -> T
 
 
 @torch.no_grad()
-def ensemble_mlp_vjp(parameters: Sequence[Tensor], final_relu: bool, x: Tensor) -> tuple[Tensor, Pull]:
+def ensemble_mlp_vjp(parameters: Sequence[Tensor], final_relu: bool, x: Tensor) -> tuple[Tensor, PullOutputs]:
     """:func:`ensemble_mlp` on ``[B, in]`` without autograd, and its vector-Jacobian product (as of ``torch.func.vjp``).
 
     The second result takes the gradient to the outputs and fills those of the parameters, before any of them changes.
@@ -99,10 +99,20 @@ def _addresses(tensors: Sequence[Tensor]) -> np.ndarray:
 
 def _shape(x: Tensor, parameters: Sequence[Tensor]) -> tuple[int, int, np.ndarray]:
     """E, B and the layer sizes; the kernels check nothing themselves."""
-    if x.shape[1] != parameters[0].shape[1]:
-        raise ValueError(f"the input has {x.shape[1]} columns, the first layer takes {parameters[0].shape[1]}")
-    sizes = np.array([x.shape[1], *(bias.shape[2] for bias in parameters[1::2])], np.int64)
-    return parameters[0].shape[0], x.shape[0], sizes
+    ensemble, sizes = _layers(tuple((p.shape, p.dtype) for p in parameters))
+    if x.shape[1] != sizes[0]:
+        raise ValueError(f"the input has {x.shape[1]} columns, the first layer takes {sizes[0]}")
+    return ensemble, x.shape[0], sizes
+
+
+@lru_cache
+def _layers(parameters: tuple[tuple[torch.Size, torch.dtype], ...]) -> tuple[int, np.ndarray]:
+    shapes = [[*shape] for shape, _ in parameters]
+    ensemble, *sizes = shapes[0][:1] + [shapes[0][1]] + [shape[-1] for shape in shapes[1::2]]
+    expected = [shape for n_in, n_out in pairwise(sizes) for shape in ([ensemble, n_in, n_out], [ensemble, 1, n_out])]
+    if shapes != expected or any(dtype != torch.float32 for _, dtype in parameters):
+        raise ValueError(f"parameters that do not fit each other: {shapes}")
+    return ensemble, np.array(sizes, np.int64)
 
 
 def _contiguous(tensors: Sequence[Tensor]) -> list[Tensor]:
@@ -223,10 +233,10 @@ class EnsembleMLP(nn.Module):
         self.final_relu = final_relu
 
     def forward(self, x: Tensor) -> Tensor:
-        """Outputs ``[E, B, out]`` for inputs ``[B, in]`` (or ``[E, B, in]``)."""
+        """Outputs ``[E, B, out]`` for inputs ``[B, in]``."""
         return ensemble_mlp(self.parameter_pairs, self.final_relu, x)
 
-    def vjp(self, x: Tensor) -> tuple[Tensor, Pull]:
+    def vjp(self, x: Tensor) -> tuple[Tensor, PullOutputs]:
         """See :func:`ensemble_mlp_vjp`."""
         return ensemble_mlp_vjp(self.parameter_pairs, self.final_relu, x)
 

@@ -184,6 +184,12 @@ def test_the_kernel_is_taken_for_float32(monkeypatch: pytest.MonkeyPatch, networ
 def test_wrong_shapes_are_refused_and_not_read_beyond_their_end(network: EnsembleMLP) -> None:
     with pytest.raises(ValueError, match="6 columns, the first layer takes 5"):
         network.vjp(torch.randn(4, 6))
+    for k, wrong in ((2, torch.zeros(2, 15, 8)), (3, torch.zeros(2, 1, 8).double()), (5, torch.zeros(1, 1, 3))):
+        parameter = network.parameter_pairs[k]
+        parameter.data, right = wrong, parameter.data
+        with pytest.raises(ValueError, match="do not fit"):
+            network.vjp(torch.randn(4, 5))
+        parameter.data = right
     _, pull = network.vjp(torch.randn(4, 5))
     with pytest.raises(ValueError, match="outputs are"):
         pull(torch.randn(2, 4, 2), places(network), False)

@@ -45,7 +45,8 @@ class Actor(nn.Module):
     ) -> tuple[Tensor, ActorHealth | None, Pull]:
         """The raw action and its vector-Jacobian product, as of ``torch.func.vjp``: what an algorithm learns by.
 
-        Here by autograd through :meth:`forward`. An actor may have a faster way to the same numbers.
+        Here by autograd through :meth:`forward`. An actor may have a faster way to the same numbers, past hooks of its
+        modules.
 
         Args:
             observation: as for :meth:`forward`.
@@ -92,4 +93,7 @@ class Actor(nn.Module):
 
 def destinations(parameters: Sequence[Tensor], gradient_of: GradientOf) -> list[Tensor]:
     """Where the gradient of each parameter belongs; a place to forget it for one that does not learn."""
-    return [gradient_of[p] if p in gradient_of else torch.empty_like(p) for p in parameters]  # type: ignore[index]
+    return [
+        gradient_of[p] if p in gradient_of else torch.empty(p.shape, dtype=p.dtype, device=p.device)  # type: ignore[index]
+        for p in parameters
+    ]

@@ -8,110 +8,26 @@ What the layers did lies in one block of memory; their gradients go where they b
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from src.actors.actor import GradientOf, destinations
-from src.actors.decoder import PopulationDecoder, decode
+from src.actors.decoder import decode
 from src.actors.health import Trace
-from src.actors.kernels import as_array, check_destinations, takes_kernel
+from src.actors.kernels import as_array, check_destinations
 from src.actors.lateral import LateralInteraction
 from src.actors.lif_cpu import offsets_array
 from src.actors.lif_kernel import network_backward_kernel, network_forward_kernel
-from src.actors.population_encoder import PopulationEncoder, receptive_field_gradients, receptive_fields
-from src.actors.spiking_layer import SpikingLayer
+from src.actors.population_encoder import receptive_field_gradients, receptive_fields
+from src.actors.spiking_network import Network, Weights
 from src.actors.synapse import Synapse
 
 _FLOAT = 4  # bytes
 _LINE = 16  # floats of a cache line, at which each part of what the layers did begins
-
-
-class Network:
-    """The parts of a spiking actor, at hand, since a module takes its time to find one. Who replaces a module makes a
-    network of the new ones; parameters are looked up at each pass.
-    """
-
-    def __init__(self, encoder: PopulationEncoder, layers: Sequence[SpikingLayer], decoder: PopulationDecoder) -> None:
-        self.encoder, self.decoder = encoder, decoder
-        self.layers = [(layer.synapse, layer.lateral) for layer in layers]
-        self.offsets = next((layer.lateral.offsets for layer in layers if layer.lateral is not None), ())
-        self.constants = layers[0].constants
-        self.bias_per_neuron = not any(layer.synapse.bias_per_branch for layer in layers)
-        self._key: object = None
-        self._weights: Weights | None = None
-
-    def weights(self, observation: Tensor, for_gradient: bool) -> Weights | None:
-        """The layers' weights, or None where :func:`fused_actor` does not serve.
-
-        It takes float32 on the CPU, a bias for each neuron and, where :func:`fused_gradient` is to follow, weights that
-        are parameters, not made of others.
-
-        What was found is kept until one of them lies elsewhere: it holds addresses, not values.
-        """
-        if not takes_kernel(observation):
-            return None
-        tensors: list[Tensor] = [self.encoder.mean, self.decoder.weight]
-        for synapse, lateral in self.layers:
-            matrix, branch = synapse.spreading(for_gradient)
-            tensors += [x for x in (synapse.weight, synapse.bias, matrix, branch) if x is not None]
-            tensors += [] if lateral is None else [lateral.weight]
-        key = [(x.data_ptr(), x.shape, x.dtype, type(x), x.is_contiguous()) for x in tensors]
-        if key != self._key:
-            self._key, self._weights = key, self._find(for_gradient)
-            if self._weights is not None and self._weights.copies:
-                self._key = None
-        return self._weights
-
-    @torch.no_grad()
-    def _find(self, for_gradient: bool) -> Weights | None:
-        own = [self.decoder.weight, *(synapse.weight for synapse, _ in self.layers)]
-        if not self.bias_per_neuron or not all(takes_kernel(x) for x in (self.encoder.mean, *own)):
-            return None
-        if for_gradient and not all(isinstance(weight, nn.Parameter) for weight in own):
-            return None
-        layers, copies = [], False
-        for synapse, lateral in self.layers:
-            weight, bias = synapse.weight.contiguous(), synapse.bias.contiguous()
-            matrix, branch = (weight, None) if synapse.branches == 1 else synapse.spreading(for_gradient)
-            across = None if lateral is None else lateral().contiguous()
-            layers.append(_Layer(weight, bias, across, branch, matrix, synapse.branches))
-            copies |= weight is not synapse.weight or bias is not synapse.bias
-            copies |= lateral is not None and across is not lateral.weight
-        shapes = tuple(
-            (x.weight.shape, x.bias.shape, None if x.lateral is None else x.lateral.shape, x.branches) for x in layers
-        )
-        return Weights(layers, shapes, np.array([layer.row() for layer in layers], np.int64), copies)
-
-
-class _Layer(NamedTuple):
-    """What the kernels take of a layer; contiguous."""
-
-    weight: Tensor  # [n, inputs]
-    bias: Tensor  # [n]
-    lateral: Tensor | None  # [K, n]
-    branch: Tensor | None  # of each synapse, [n, inputs], int8, where the weight is to be spread over them
-    matrix: Tensor | None  # the branch weights [d*n, inputs], where they are at hand; for d = 1 the weight
-    branches: int  # d
-
-    def row(self) -> tuple[int, ...]:
-        """Addresses, 0 for none, and numbers, as the kernels take them."""
-        weight, bias, lateral, branch, matrix = (_address(part) for part in self[:5])
-        neighbours = 0 if self.lateral is None else len(self.lateral)
-        return weight, bias, lateral, neighbours, branch, matrix, self.branches
-
-
-class Weights(NamedTuple):
-    """Of all layers."""
-
-    layers: list[_Layer]
-    shapes: tuple[tuple[torch.Size, torch.Size, torch.Size | None, int], ...]  # weight, bias, lateral weights; d
-    table: np.ndarray  # as the kernels take it
-    copies: bool  # whether some are copies, since a parameter is not contiguous or shared by the neurons
 
 
 class Pass(NamedTuple):
@@ -173,10 +89,6 @@ def fused_actor(
     )
     raw = decode(rates, decoder.weight, decoder.bias)
     return Pass(raw, distance, strength, spikes, rates, weights, block, layout)
-
-
-def _address(tensor: Tensor | None) -> int:
-    return 0 if tensor is None else tensor.data_ptr()
 
 
 class _Layout(NamedTuple):
@@ -250,7 +162,7 @@ def fused_gradient(network: Network, done: Pass, to_raw: Tensor, gradient_of: Gr
         done.layout.sizes,
         done.weights.table,
         done.layout.places + done.block.data_ptr(),
-        np.array([[_address(part) for part in row] for row in to_layers], np.int64),
+        np.array([[part.data_ptr() for part in row] for row in to_layers], np.int64),
         offsets_array(network.offsets),
         *network.constants,
         _coding_gradient(tuple(encoder.coding_gradient())),
@@ -258,9 +170,11 @@ def fused_gradient(network: Network, done: Pass, to_raw: Tensor, gradient_of: Gr
     )
     for (_, lateral), (*_, to_lateral) in zip(network.layers, to_layers):
         if lateral is not None and lateral.weight in gradient_of:
+            check_destinations([gradient_of[lateral.weight]], [lateral.weight])
             lateral.gradient(to_lateral, out=gradient_of[lateral.weight])
     if encoder_learns:
         to_mean, to_std = destinations([encoder.mean, encoder.std], gradient_of)
+        check_destinations([to_mean, to_std], [encoder.mean, encoder.std])
         _, mean_gradient, std_gradient = receptive_field_gradients(
             to_strength.view_as(done.strength), done.distance, done.strength, encoder.std, to_observation=False
         )

@@ -62,9 +62,10 @@ def as_array(tensor: torch.Tensor) -> np.ndarray:
 def check_destinations(gradients: Sequence[torch.Tensor], parameters: Sequence[torch.Tensor]) -> None:
     """Kernels write gradients to addresses: raises ValueError unless each is contiguous and like its parameter."""
     if len(gradients) != len(parameters) or any(
-        g.shape != p.shape or g.dtype != p.dtype or not g.is_contiguous() for g, p in zip(gradients, parameters)
+        g.shape != p.shape or g.dtype != p.dtype or g.device != p.device or not g.is_contiguous()
+        for g, p in zip(gradients, parameters)
     ):
-        raise ValueError("the gradient of a parameter takes a contiguous tensor of its shape and precision")
+        raise ValueError("the gradient of a parameter takes a contiguous tensor of its shape, precision and device")
 
 
 _PLAIN = (torch.Tensor, torch.nn.Parameter)

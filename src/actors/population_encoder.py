@@ -92,7 +92,8 @@ class GaussianReceptiveFields(torch.autograd.Function):
 def receptive_fields(observation: Tensor, mean: Tensor, std: Tensor) -> tuple[Tensor, Tensor]:
     """``s - mu`` and the strength ``exp(-(s - mu)^2 / (2 sigma^2))``, ``[B, N, J]``, of an observation ``[B, N]``.
 
-    Strengths below float32's smallest normal number, 1.2e-38, are 0.
+    Strengths below float32's smallest normal number, 1.2e-38, are 0: what they are wherever denormal numbers are
+    flushed (:mod:`src.training.numerics`).
     """
     if not (takes_kernel(observation) and takes_kernel(mean)):
         distance = observation.unsqueeze(-1) - mean

@@ -18,13 +18,14 @@ import torch
 from torch import Tensor, nn
 
 from src.actors.actor import Actor, Pull
-from src.actors.actor_op import Network, fused_actor, fused_gradient
+from src.actors.actor_op import fused_actor, fused_gradient
 from src.actors.decoder import PopulationDecoder
 from src.actors.health import ActorHealth, Trace, layer_health
 from src.actors.initialisation import Initialiser
 from src.actors.lif import LIFConstants
 from src.actors.population_encoder import PopulationEncoder
 from src.actors.spiking_layer import SpikingLayer
+from src.actors.spiking_network import Network
 from src.actors.synapse import Encoded
 from src.config import EncoderConfig, SpikingActorConfig
 from src.streams import Streams
@@ -88,7 +89,12 @@ class SpikingActor(Actor):
     def forward_with_health(
         self, observation: Tensor, generator: torch.Generator | None = None
     ) -> tuple[Tensor, ActorHealth]:
-        """:meth:`forward`, and the firing rates and saturation of every layer in the same pass."""
+        """:meth:`forward`, and the firing rates and saturation of every layer in the same pass.
+
+        A subclass with a ``forward`` of its own has no health, unless it measures it.
+        """
+        if type(self).forward is not SpikingActor.forward:
+            return super().forward_with_health(observation, generator)
         raw, trace = self._pass(observation, generator, trace=True)
         return raw, self._health(trace)
 

@@ -27,7 +27,9 @@ class Sample(NamedTuple):
 
 
 #: From the gradients to actions ``[B, M]`` and log-probabilities ``[B]`` to those of the parameters, filled.
-Pull = Callable[[Tensor, Tensor, GradientOf], None]
+PullPolicy = Callable[[Tensor, Tensor, GradientOf], None]
+#: The same from the gradients to mean and log-std, ``[B, M]``.
+PullHeads = Callable[[Tensor, Tensor, GradientOf], None]
 
 
 class GaussianPolicy:
@@ -57,7 +59,7 @@ class GaussianPolicy:
 
     def vjp(
         self, observation: Tensor, noise: Tensor, generator: torch.Generator | None, with_health: bool = False
-    ) -> tuple[Sample, ActorHealth | None, Pull]:
+    ) -> tuple[Sample, ActorHealth | None, PullPolicy]:
         """:meth:`sample`, the spiking health where it is asked for, and the vector-Jacobian product."""
         mean, log_std, health, pull_parameters = (self._heads if self.shared_trunk else self._networks)(
             observation, generator, with_health
@@ -71,7 +73,7 @@ class GaussianPolicy:
 
     def _networks(
         self, observation: Tensor, generator: torch.Generator | None, with_health: bool
-    ) -> tuple[Tensor, Tensor, ActorHealth | None, Pull]:
+    ) -> tuple[Tensor, Tensor, ActorHealth | None, PullHeads]:
         """Mean and log-std by a network each; the last takes the gradients to both."""
         mean, health, pull_mean = self.actor.vjp(observation, generator, with_health)
         network = self.log_std.network
@@ -85,7 +87,7 @@ class GaussianPolicy:
 
     def _heads(
         self, observation: Tensor, generator: torch.Generator | None, with_health: bool
-    ) -> tuple[Tensor, Tensor, ActorHealth | None, Pull]:
+    ) -> tuple[Tensor, Tensor, ActorHealth | None, PullHeads]:
         """Mean and log-std by a head each of the actor's trunk."""
         trunk, heads = self._trunk()
         features, pull_features = trunk.vjp(observation)

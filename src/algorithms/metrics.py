@@ -59,9 +59,8 @@ class BurstRecord:
             self.health[f"layer{k}_window_share"] = float(layer.window_share)
             self.health[f"layer{k}_always_on"] = float(layer.always_on)
             self.health[f"layer{k}_never_on"] = float(layer.never_on)
-            self.health[f"layer{k}_gradient_norm"] = float(
-                torch.stack([gradient_of[p].norm() for p in own if p in gradient_of]).norm()
-            )
+            norms = [gradient_of[p].norm() for p in own if p in gradient_of]
+            self.health[f"layer{k}_gradient_norm"] = float(torch.stack(norms).norm()) if norms else 0.0
 
     def means(self) -> dict[str, float]:
         """Mean of each noted tensor.

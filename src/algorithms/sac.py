@@ -54,10 +54,12 @@ def tanh_gaussian(mean: Tensor, log_std: Tensor, noise: Tensor, bounds: Bounds) 
 
 
 #: From the gradients to actions ``[B, M]`` and log-probabilities ``[B]`` to those of mean and log-std, ``[B, M]``.
-Pull = Callable[[Tensor, Tensor], tuple[Tensor, Tensor]]
+PullSample = Callable[[Tensor, Tensor], tuple[Tensor, Tensor]]
 
 
-def tanh_gaussian_vjp(mean: Tensor, log_std: Tensor, noise: Tensor, bounds: Bounds) -> tuple[Tensor, Tensor, Pull]:
+def tanh_gaussian_vjp(
+    mean: Tensor, log_std: Tensor, noise: Tensor, bounds: Bounds
+) -> tuple[Tensor, Tensor, PullSample]:
     """:func:`tanh_gaussian` without graph, and its vector-Jacobian product: one kernel each for float32 on the CPU."""
     parts = mean, log_std, noise
     if all(takes_kernel(x) and x.shape == mean.shape for x in parts):
@@ -73,7 +75,9 @@ def tanh_gaussian_vjp(mean: Tensor, log_std: Tensor, noise: Tensor, bounds: Boun
     return outputs[0].detach(), outputs[1].detach(), pull
 
 
-def _fused_tanh_gaussian(mean: Tensor, log_std: Tensor, noise: Tensor, bounds: Bounds) -> tuple[Tensor, Tensor, Pull]:
+def _fused_tanh_gaussian(
+    mean: Tensor, log_std: Tensor, noise: Tensor, bounds: Bounds
+) -> tuple[Tensor, Tensor, PullSample]:
     """Some thirty small operators in a kernel."""
     action, log_probability = mean.new_empty(mean.shape), mean.new_empty(mean.shape[0])
     own, limits = as_array(log_std), np.array(bounds, np.float32)

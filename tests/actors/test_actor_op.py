@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import copy
+import pickle
 
 import pytest
 import torch
 from torch.nn.utils.parametrize import register_parametrization
 
-from src.actors import actor_op, population_encoder
+from src.actors import population_encoder, spiking_network
 from src.actors.build import build_actor
 from src.actors.spiking_actor import SpikingActor
 from src.streams import Streams
@@ -25,6 +26,10 @@ OPTIONS = {
     "fixed_encoder": {"encoder__learnable": False},
     "one_step": {"actor__time_steps": 1, "actor__threshold": 0.05},
     "widths": {"actor__hidden_sizes": [33, 70, 17], "actor__threshold": 0.1},
+    "radius_1": {"actor__lateral__radius": 1},
+    "radius_1_and_self": {"actor__lateral__radius": 1, "actor__lateral__include_self": True},
+    "radius_3": {"actor__lateral__radius": 3},
+    "radius_of_the_layer": {"actor__lateral__radius": 19, "actor__hidden_sizes": [30, 20]},
     "one_layer": {"actor__hidden_sizes": [64], "actor__output_population": 1},
 }
 
@@ -40,7 +45,7 @@ def results(actor, batch, fused, monkeypatch):
     draws = lambda: torch.Generator().manual_seed(3)  # noqa: E731
     with monkeypatch.context() as patch:
         if not fused:
-            for module in (actor_op, population_encoder):
+            for module in (spiking_network, population_encoder):
                 patch.setattr(module, "takes_kernel", lambda tensor: False)
         raw, health, pull = actor.vjp(observation, draws(), with_health=True)
         gradient_of = places(actor)
@@ -71,20 +76,10 @@ def test_equals_the_operators(batch, name, encoder, monkeypatch):
 @pytest.mark.parametrize("option", OPTIONS)
 def test_options_equal_the_operators(option, monkeypatch):
     actor = build_actor(configuration("bptsan", **OPTIONS[option]), 11, 3, Streams(0))
+    served = actor._network.weights(torch.zeros(1, 11), for_gradient=True) is not None
+    assert served == (option != "branch_bias")  # the kernels have no bias inside the max
     fused, operators = (results(actor, 7, fused, monkeypatch) for fused in (True, False))
     assert all(torch.equal(a, b) for a, b in zip(fused, operators, strict=True))
-
-
-@pytest.mark.parametrize("name", ["popsan", "bptsan"])
-def test_equals_autograd_of_the_steps(name):
-    """The gradients by hand are those that autograd finds through the same spikes, step by step."""
-    gradients = []
-    for reference in (False, True):
-        actor = build_actor(configuration(name), 11, 3, Streams(0), reference=reference)
-        actor(torch.randn(20, 11, generator=torch.Generator().manual_seed(2))).square().sum().backward()
-        gradients.append([parameter.grad for parameter in actor.parameters()])
-    for grad, expected in zip(*gradients, strict=True):
-        torch.testing.assert_close(grad, expected, rtol=1e-3, atol=1e-4 * float(expected.abs().max()))
 
 
 def gradients(actor, observation, to_raw):
@@ -93,6 +88,20 @@ def gradients(actor, observation, to_raw):
     gradient_of = places(actor)
     pull(to_raw, gradient_of)
     return [raw, *gradient_of.values()]
+
+
+@pytest.mark.parametrize("name", ["popsan", "bptsan"])
+def test_equals_autograd_of_the_steps(name):
+    """The gradients by hand are those that autograd finds through the same spikes, step by step."""
+    observation = torch.randn(20, 11, generator=torch.Generator().manual_seed(2))
+    (raw, *ours), (expected_raw, *expected) = (
+        gradients(build_actor(configuration(name), 11, 3, Streams(0), reference=reference), observation, weight)
+        for weight in [torch.randn(20, 3, generator=torch.Generator().manual_seed(4))]
+        for reference in (False, True)
+    )
+    torch.testing.assert_close(raw, expected_raw)
+    for grad, steps in zip(ours, expected, strict=True):
+        torch.testing.assert_close(grad, steps, rtol=1e-3, atol=1e-4 * float(steps.abs().max()))
 
 
 @pytest.mark.parametrize("name", ["popsan", "bptsan"])
@@ -116,7 +125,8 @@ def test_parameters_that_do_not_learn_have_no_gradient():
     for frozen in range(len(expected)):
         _, _, pull = actor.vjp(observation)
         gradient_of = places(actor)
-        del gradient_of[list(actor.parameters())[frozen]]
+        parameter = list(actor.parameters())[frozen]
+        del gradient_of[parameter]
         pull(to_raw, gradient_of)
         others = [gradient for k, gradient in enumerate(expected) if k != frozen]
         assert all(torch.equal(a, b) for a, b in zip(gradient_of.values(), others, strict=True))
@@ -129,9 +139,10 @@ def test_an_empty_batch_gives_no_actions():
     assert all(not gradient.any() for gradient in found)
 
 
-def test_wrong_shapes_are_refused():
+@pytest.mark.parametrize("weights", ["per_neuron", "shared"])
+def test_wrong_shapes_are_refused(weights):
     """The kernels take addresses and check nothing."""
-    actor = build_actor(configuration("bptsan", "deterministic"), 11, 3, Streams(0))
+    actor = build_actor(configuration("bptsan", "deterministic", actor__lateral__weights=weights), 11, 3, Streams(0))
     with pytest.raises(ValueError, match=r"takes observations \[B, 11\], not \[2, 12\]"):
         actor.vjp(torch.zeros(2, 12))
     for parameter in actor.parameters():
@@ -140,12 +151,11 @@ def test_wrong_shapes_are_refused():
         with pytest.raises(ValueError, match=r"raw action is \[2, 3\]"):
             pull(torch.zeros(2, 4), whole)
         for place in (torch.zeros(1), torch.zeros(parameter.shape).double(), torch.zeros(*parameter.shape, 2)[..., 0]):
-            if parameter is actor.encoder.mean or parameter is actor.encoder.std:
-                continue  # PyTorch copies those, and refuses itself
             with pytest.raises(ValueError, match="contiguous tensor of its shape"):
                 pull(torch.zeros(2, 3), whole | {parameter: place})
     synapse, lateral = actor.spiking_layers()[1].synapse, actor.spiking_layers()[1].lateral
-    for parameter, shape in ((synapse.weight, (256, 255)), (synapse.bias, (3,)), (lateral.weight, (1, 256))):
+    lateral_shape = (1, 256) if weights == "per_neuron" else (1,)
+    for parameter, shape in ((synapse.weight, (256, 255)), (synapse.bias, (3,)), (lateral.weight, lateral_shape)):
         before, parameter.data = parameter.data, torch.zeros(shape)
         with pytest.raises(ValueError, match="do not fit"):
             actor.vjp(torch.zeros(2, 11))
@@ -155,9 +165,20 @@ def test_wrong_shapes_are_refused():
         actor.vjp(torch.zeros(2, 11))
 
 
-def test_an_actor_that_computes_something_else_learns_by_autograd():
-    """A subclass, or a weight that is made of others: the gradient by hand would be another network's."""
+def test_a_frozen_parameter_need_not_be_contiguous():
+    actor = build_actor(configuration("bptsan", "deterministic"), 11, 3, Streams(0))
+    observation, to_raw = torch.randn(6, 11), torch.randn(6, 3)
+    _, *expected = gradients(actor, observation, to_raw)
+    weight = actor.spiking_layers()[1].synapse.weight
+    weight.data = weight.detach().t().contiguous().t()
+    gradient_of = {parameter: place for parameter, place in places(actor).items() if parameter is not weight}
+    actor.vjp(observation)[2](to_raw, gradient_of)
+    others = [g for p, g in zip(actor.parameters(), expected, strict=True) if p is not weight]
+    assert all(torch.equal(a, b) for a, b in zip(gradient_of.values(), others, strict=True))
 
+
+@pytest.mark.parametrize("with_health", [False, True])
+def test_a_subclass_learns_by_autograd_through_its_own_forward(with_health):
     class Twice(SpikingActor):
         def forward(self, observation, generator=None):
             return 2 * super().forward(observation, generator)
@@ -165,25 +186,82 @@ def test_an_actor_that_computes_something_else_learns_by_autograd():
     actor = build_actor(configuration("bptsan", "deterministic"), 11, 3, Streams(0))
     observation, to_raw = torch.randn(6, 11), torch.randn(6, 3)
     raw, *expected = gradients(actor, observation, to_raw)
-    weight = expected[[name for name, _ in actor.named_parameters()].index("layers.0.synapse.weight")]
     actor.__class__ = Twice
-    twice_raw, *twice = gradients(actor, observation, to_raw)
-    assert torch.equal(twice_raw, 2 * raw)
-    for ours, theirs in zip(twice, expected, strict=True):
+    twice, health, pull = actor.vjp(observation, with_health=with_health)
+    assert torch.equal(twice, 2 * raw) and (health is not None) == with_health
+    gradient_of = places(actor)
+    pull(to_raw, gradient_of)
+    for ours, theirs in zip(gradient_of.values(), expected, strict=True):
         torch.testing.assert_close(ours, 2 * theirs, rtol=1e-4, atol=1e-6)
-    actor.__class__ = SpikingActor
 
-    class Doubled(torch.nn.Module):
-        def forward(self, weight):
-            return 2 * weight
 
-    synapse = actor.spiking_layers()[0].synapse
-    register_parametrization(synapse, "weight", Doubled(), unsafe=True)
-    synapse.parametrizations.weight.original.data.mul_(0.5)
-    raw_again, *parametrized = gradients(actor, observation, to_raw)
-    assert torch.equal(raw_again, raw)
-    by_name = dict(zip([name for name, _ in actor.named_parameters()], parametrized, strict=True))
-    torch.testing.assert_close(by_name["layers.0.synapse.parametrizations.weight.original"], 2 * weight)
+class Doubled(torch.nn.Module):
+    """A parameter made of another."""
+
+    def forward(self, original):
+        return 2 * original
+
+
+@pytest.mark.parametrize("acted", [False, True])  # before: what was found then must not serve
+@pytest.mark.parametrize(
+    "name",
+    [
+        "layers.0.synapse.weight", "layers.1.synapse.bias", "layers.1.lateral.weight", "decoder.weight", "decoder.bias",
+        "encoder.mean", "encoder.std",
+    ],
+)  # fmt: skip
+def test_a_parameter_made_of_another_learns_by_autograd(name, acted):
+    actor = build_actor(configuration("bptsan", "deterministic"), 11, 3, Streams(0))
+    observation, to_raw = torch.randn(6, 11), torch.randn(6, 3)
+    raw, *expected = gradients(actor, observation, to_raw)
+    gradient = expected[[other for other, _ in actor.named_parameters()].index(name)]
+    path, _, attribute = name.rpartition(".")
+    module = actor.get_submodule(path)
+    register_parametrization(module, attribute, Doubled(), unsafe=True)
+    original = module.parametrizations[attribute].original
+    original.data.mul_(0.5)
+    if acted:
+        with torch.no_grad():
+            assert torch.equal(actor(observation), raw)
+    found, _, pull = actor.vjp(observation)
+    gradient_of = places(actor)
+    pull(to_raw, gradient_of)
+    assert torch.equal(found, raw)
+    torch.testing.assert_close(gradient_of[original], 2 * gradient)
+
+
+def test_parameters_that_serve_twice_learn_from_both():
+    actor = build_actor(configuration("popsan", "deterministic", actor__hidden_sizes=[64, 64, 64]), 11, 3, Streams(0))
+    layers = actor.spiking_layers()
+    layers[2].synapse.weight = layers[1].synapse.weight
+    observation, to_raw = torch.randn(6, 11), torch.randn(6, 3)
+    _, *found = gradients(actor, observation, to_raw)
+    expected = torch.autograd.grad(actor(observation), list(actor.parameters()), to_raw)
+    assert all(torch.equal(a, b) for a, b in zip(found, expected, strict=True))
+
+
+def test_the_gradient_survives_that_parameters_move():
+    """As wrappers move them: the kernels take addresses."""
+    actor = build_actor(configuration("bptsan", "deterministic"), 11, 3, Streams(0))
+    observation, to_raw = torch.randn(6, 11), torch.randn(6, 3)
+    _, *expected = gradients(actor, observation, to_raw)
+    _, _, pull = actor.vjp(observation)
+    for parameter in actor.parameters():
+        parameter.data = parameter.data.clone()
+    junk = [torch.full((256, 256), torch.nan) for _ in range(40)]
+    gradient_of = places(actor)
+    pull(to_raw, gradient_of)
+    assert len(junk) == 40
+    assert all(torch.equal(a, b) for a, b in zip(gradient_of.values(), expected, strict=True))
+
+
+@pytest.mark.parametrize("name", ["layers.1.synapse.bias", "layers.1.lateral.weight", "decoder.bias", "encoder.std"])
+def test_mixed_precision_is_not_read_as_float32(name):
+    actor = build_actor(configuration("bptsan", "deterministic"), 11, 3, Streams(0))
+    parameter = dict(actor.named_parameters())[name]
+    parameter.data = parameter.data.double()
+    for for_gradient in (False, True):
+        assert actor._network.weights(torch.zeros(2, 11), for_gradient) is None
 
 
 def test_a_second_derivative_is_refused_rather_than_wrong():
@@ -239,9 +317,22 @@ def test_weights_that_are_copied_for_the_kernels_are_copied_anew(option):
 def test_copies_of_an_actor_compute_with_their_own_weights():
     """The target networks of TD3 are such copies."""
     actor = build_actor(configuration("bptsan", "deterministic"), 11, 3, Streams(0))
-    twin, observation = copy.deepcopy(actor), torch.randn(4, 11)
-    assert torch.equal(twin.vjp(observation)[0], actor.vjp(observation)[0])
+    observation = torch.randn(4, 11)
+    raw = actor.vjp(observation)[0]  # what is found at a pass does not go into the copy
+    twin = copy.deepcopy(actor)
     with torch.no_grad():
-        for parameter in twin.parameters():
+        for parameter in twin.layers.parameters():
             parameter.mul_(0.5)
-    assert not torch.equal(twin.vjp(observation)[0], actor.vjp(observation)[0])
+    assert not torch.equal(twin.vjp(observation)[0], raw)
+    with torch.no_grad():
+        for parameter in twin.layers.parameters():
+            parameter.mul_(2.0)
+    assert torch.equal(twin.vjp(observation)[0], raw)
+
+
+def test_a_pickle_holds_no_addresses():
+    actor = build_actor(configuration("bptsan", "deterministic"), 11, 3, Streams(0))
+    size = len(pickle.dumps(actor))
+    with torch.no_grad(), actor.fixed_weights():
+        actor(torch.randn(4, 11))
+    assert len(pickle.dumps(actor)) == size
