@@ -220,6 +220,17 @@ def test_aan_trunk_and_head():
     assert torch.equal(actor.output(features.squeeze(0)).squeeze(0), actor(observations()))
 
 
+def test_a_subclass_of_the_aan_learns_by_its_own_forward():
+    class Twice(MLPActor):
+        def forward(self, observation, generator=None):
+            return 2 * super().forward(observation, generator)
+
+    actor = build("aan", "task")
+    raw = actor.vjp(observations())[0]
+    actor.__class__ = Twice
+    torch.testing.assert_close(actor.vjp(observations())[0], 2 * raw)
+
+
 class Custom(Actor):
     """A custom actor as CONTRIBUTING.md describes it."""
 

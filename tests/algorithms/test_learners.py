@@ -89,6 +89,7 @@ def test_td3_is_spinning_ups_loop(actor: str, encoder: str, delay: int) -> None:
     for burst in (make_burst(1), make_burst(2)):  # odd lengths: the delay counter starts anew with the second
         noise = 0.2 * torch.randn(burst.action.shape, generator=smoothing)
         recorded: list[list[float]] = []
+        actor_losses: list[Tensor] = []
         for index, (o, a, r, o2, d) in enumerate(zip(*burst)):
             with torch.no_grad():
                 if index == 0 or (index - 1) % delay == 0:  # the targets have moved: spikes for all that they serve
@@ -101,11 +102,13 @@ def test_td3_is_spinning_ups_loop(actor: str, encoder: str, delay: int) -> None:
             step(critic_adam, loss)  # type: ignore[arg-type]
             recorded.append([x.detach().item() for x in (loss, *(value.mean() for value in values))])  # type: ignore[union-attr]
             if index % delay == 0:
-                step(actor_adam, -q(o, torch.tanh(pi(o, draws)))[0].mean())
+                actor_losses.append(-q(o, torch.tanh(pi(o, draws)))[0].mean())
+                step(actor_adam, actor_losses[-1])
                 pi.project()
                 polyak(target_pi, pi)
                 polyak(target_q, q)
         report = learner.update(burst)
+        assert report["actor_loss"] == pytest.approx(float(torch.stack(actor_losses).mean()), rel=1e-3, abs=1e-4)
         means = torch.tensor(recorded).mean(0)
         torch.testing.assert_close(
             torch.tensor([report[k] for k in ("critic_loss", "q1", "q2")]), means, rtol=1e-3, atol=1e-4
@@ -141,17 +144,22 @@ def test_sac_is_spinning_ups_loop(actor: str, encoder: str) -> None:
         return torch.tanh(u), density - (2 * (math.log(2) - u - nn.functional.softplus(-2 * u))).sum(-1)
 
     burst = make_burst(1)
-    noise = torch.randn((2, *burst.action.shape), generator=normal)
+    noise, recorded = torch.randn((2, *burst.action.shape), generator=normal), []
     for index, (o, a, r, o2, d) in enumerate(zip(*burst)):
         with torch.no_grad():
             a2, entropy = sample(o2, noise[0][index])
             y = r + 0.99 * (1 - d) * (torch.min(*target_q(o2, a2)) - 0.2 * entropy)
         step(critic_adam, sum(((value - y) ** 2).mean() for value in q(o, a)))  # type: ignore[arg-type]
         action, log_probability = sample(o, noise[1][index])
-        step(actor_adam, (0.2 * log_probability - torch.min(*q(o, action))).mean())
+        recorded.append(
+            torch.stack([(0.2 * log_probability - torch.min(*q(o, action))).mean(), log_probability.mean()])
+        )
+        step(actor_adam, recorded[-1][0])
         pi.project()
         polyak(target_q, q)
-    learner.update(burst)
+    report = learner.update(burst)
+    expected = torch.stack(recorded).mean(0).tolist()
+    assert [report["actor_loss"], report["log_probability"]] == pytest.approx(expected, rel=1e-3, abs=1e-4)
     assert_same(learner.policy.actor, pi)
     assert_same(learner.log_std, log_std, tolerance=2e-4)
     assert_same(NaiveCritics(learner.critic), q)
