@@ -14,44 +14,55 @@ holds both against ``torch.nn.Linear`` and autograd.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import lru_cache, partial
+from functools import partial
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
+from src.actors.actor import GradientOf, destinations
 from src.actors.kernels import as_array, check_destinations, takes_kernel
 from src.ensemble_mlp_kernel import backward_kernel, descend_kernel, forward_kernel, regress_kernel
+from src.places import Places
 from src.streams import Streams
 
-#: From the gradient to the outputs ``[E, B, out]``, where those of ``W_1, b_1, ..., W_L, b_L`` belong, and whether the
-#: input's is wanted, to that, ``[B, in]``, or None.
-PullOutputs = Callable[[Tensor, Sequence[Tensor], bool], Tensor | None]
+#: From the gradient to the outputs ``[E, B, out]``, where those of the parameters belong, and whether the input's is
+#: wanted, to that, ``[B, in]``, or None.
+PullOutputs = Callable[[Tensor, GradientOf, bool], Tensor | None]
 
 
-def ensemble_mlp(parameters: Sequence[Tensor], final_relu: bool, x: Tensor) -> Tensor:
+def ensemble_mlp(parameters: Sequence[Tensor], final_relu: bool, x: Tensor, places: Places) -> Tensor:
     """Outputs ``[E, B, out]`` of networks ``W_1, b_1, ..., W_L, b_L`` on ``[B, in]``.
 
     Where gradients are recorded, in PyTorch's operators: autograd works as ever.
     """
     if torch.is_grad_enabled() or not _takes_kernel(x, parameters[0]):
         return _forward(x, parameters, final_relu)[-1]
-    return _fused_forward(x, parameters, final_relu, keep=False)[-1]
+    return _fused_forward(x, places.once(_networks, parameters), final_relu, keep=False)[-1]
 
 
 @torch.no_grad()
-def ensemble_mlp_vjp(parameters: Sequence[Tensor], final_relu: bool, x: Tensor) -> tuple[Tensor, PullOutputs]:
+def ensemble_mlp_vjp(
+    parameters: Sequence[Tensor], final_relu: bool, x: Tensor, places: Places
+) -> tuple[Tensor, PullOutputs]:
     """:func:`ensemble_mlp` on ``[B, in]`` without autograd, and its vector-Jacobian product (as of ``torch.func.vjp``).
 
     The second result takes the gradient to the outputs and fills those of the parameters, before any of them changes.
     """
     if _takes_kernel(x, parameters[0]):
-        parameters = _contiguous(parameters)
-        hidden = _fused_forward(x, parameters, final_relu, keep=True)
-        return hidden[-1], partial(_fused_pull, hidden, parameters, final_relu)
-    hidden = _forward(x, parameters, final_relu)
-    return hidden[-1], partial(_pull, hidden, parameters, final_relu)
+        networks = places.once(_networks, parameters)
+        hidden = _fused_forward(x, networks, final_relu, keep=True)
+        pull: Callable[..., Tensor | None] = partial(_fused_pull, hidden, networks, final_relu)
+    else:
+        hidden = _forward(x, parameters, final_relu)
+        pull = partial(_pull, hidden, parameters, final_relu)
+
+    def fill(to_outputs: Tensor, gradient_of: GradientOf, to_input: bool) -> Tensor | None:
+        return pull(to_outputs, places.once(_gradients, parameters, gradient_of), to_input)
+
+    return hidden[-1], fill
 
 
 def _forward(x: Tensor, parameters: Sequence[Tensor], final_relu: bool) -> list[Tensor]:
@@ -72,12 +83,11 @@ def _pull(
     parameters: Sequence[Tensor],
     final_relu: bool,
     g: Tensor,
-    gradients: Sequence[Tensor],
+    to: _Gradients,
     to_input: bool,
 ) -> Tensor | None:
     """The gradients of :func:`_forward` on ``[B, in]``."""
-    check_destinations(gradients, parameters)
-    weights = parameters[0::2]
+    weights, gradients = parameters[0::2], to.gradients
     for k in reversed(range(len(weights))):
         if final_relu or k < len(weights) - 1:
             g = torch.ops.aten.threshold_backward(g, hidden[k + 1], 0)
@@ -97,81 +107,89 @@ def _addresses(tensors: Sequence[Tensor]) -> np.ndarray:
     return np.array([tensor.data_ptr() for tensor in tensors], np.int64)
 
 
-def _shape(x: Tensor, parameters: Sequence[Tensor]) -> tuple[int, int, np.ndarray]:
-    """E, B and the layer sizes; the kernels check nothing themselves."""
-    ensemble, sizes = _layers(tuple((p.shape, p.dtype) for p in parameters))
-    if x.shape[1] != sizes[0]:
-        raise ValueError(f"the input has {x.shape[1]} columns, the first layer takes {sizes[0]}")
-    return ensemble, x.shape[0], sizes
+class _Networks(NamedTuple):
+    """The networks as the kernels take them."""
+
+    ensemble: int  # E
+    sizes: np.ndarray  # of the layers, input first
+    parameters: list[Tensor]  # contiguous
+    addresses: np.ndarray  # of the parameters
+    copied: bool  # some are copies, since a parameter is not contiguous
+
+    def check(self, x: Tensor) -> None:
+        """The kernels check nothing themselves."""
+        if x.shape[1] != self.sizes[0]:
+            raise ValueError(f"the input has {x.shape[1]} columns, the first layer takes {self.sizes[0]}")
 
 
-@lru_cache
-def _layers(parameters: tuple[tuple[torch.Size, torch.dtype], ...]) -> tuple[int, np.ndarray]:
-    shapes = [[*shape] for shape, _ in parameters]
+def _networks(parameters: Sequence[Tensor]) -> _Networks:
+    shapes = [[*p.shape] for p in parameters]
     ensemble, *sizes = shapes[0][:1] + [shapes[0][1]] + [shape[-1] for shape in shapes[1::2]]
     expected = [shape for n_in, n_out in pairwise(sizes) for shape in ([ensemble, n_in, n_out], [ensemble, 1, n_out])]
-    if shapes != expected or any(dtype != torch.float32 for _, dtype in parameters):
+    if shapes != expected or any(p.dtype != torch.float32 for p in parameters):
         raise ValueError(f"parameters that do not fit each other: {shapes}")
-    return ensemble, np.array(sizes, np.int64)
+    copied = not all(p.is_contiguous() for p in parameters)
+    contiguous = [p.contiguous() for p in parameters]
+    return _Networks(ensemble, np.array(sizes, np.int64), contiguous, _addresses(contiguous), copied)
 
 
-def _contiguous(tensors: Sequence[Tensor]) -> list[Tensor]:
-    return [tensor.contiguous() for tensor in tensors]
+class _Gradients(NamedTuple):
+    """Where the gradients of the parameters belong."""
+
+    gradients: list[Tensor]
+    addresses: np.ndarray
 
 
-def _fused_forward(x: Tensor, parameters: Sequence[Tensor], final_relu: bool, keep: bool) -> list[Tensor]:
+def _gradients(parameters: Sequence[Tensor], gradient_of: GradientOf) -> _Gradients:
+    gradients = destinations(parameters, gradient_of)
+    check_destinations(gradients, parameters)
+    return _Gradients(gradients, _addresses(gradients))
+
+
+def _fused_forward(x: Tensor, networks: _Networks, final_relu: bool, keep: bool) -> list[Tensor]:
     """The input ``[B, in]``, the outputs ``[E, B, out]`` of the layers between it and the last where they are to be
     kept for a gradient, and the last one's.
     """
-    x, parameters = x.contiguous(), _contiguous(parameters)
-    ensemble, batch, sizes = _shape(x, parameters)
+    ensemble, sizes, parameters, *_ = networks
+    networks.check(x)
+    x, batch = x.contiguous(), x.shape[0]
     outputs = [x.new_empty(ensemble, batch, b.shape[2]) for b in (parameters[1::2] if keep else parameters[-1:])]
     addresses = np.zeros(len(sizes), np.int64)
     addresses[0], addresses[-len(outputs) :] = x.data_ptr(), [y.data_ptr() for y in outputs]
-    forward_kernel()(ensemble, batch, sizes, _addresses(parameters), addresses, final_relu)
+    forward_kernel()(ensemble, batch, sizes, networks.addresses, addresses, final_relu)
     return [x, *outputs]
 
 
 def _fused_pull(
-    hidden: Sequence[Tensor],
-    parameters: Sequence[Tensor],
-    final_relu: bool,
-    g: Tensor,
-    gradients: Sequence[Tensor],
-    to_input: bool,
+    hidden: Sequence[Tensor], networks: _Networks, final_relu: bool, g: Tensor, to: _Gradients, to_input: bool
 ) -> Tensor | None:
     """The gradients of :func:`_fused_forward`."""
-    check_destinations(gradients, parameters)
     if g.shape != hidden[-1].shape or g.dtype != hidden[-1].dtype:
         raise ValueError(f"the outputs are {[*hidden[-1].shape]}, the gradient to them {[*g.shape]}, {g.dtype}")
     g, x = g.contiguous(), hidden[0]
-    ensemble, batch, sizes = _shape(x, parameters)
     g_input = torch.empty_like(x) if to_input else None
-    addresses = (_addresses(parameters), _addresses(hidden), g.data_ptr(), final_relu, _addresses(gradients))
-    backward_kernel()(ensemble, batch, sizes, *addresses, 0 if g_input is None else g_input.data_ptr(), 0, x.shape[1])
+    addresses = (networks.addresses, _addresses(hidden), g.data_ptr(), final_relu, to.addresses)
+    columns = (0 if g_input is None else g_input.data_ptr(), 0, x.shape[1])
+    backward_kernel()(networks.ensemble, x.shape[0], networks.sizes, *addresses, *columns)
     return g_input
 
 
 @torch.no_grad()
-def _regression(
-    x: Tensor, target: Tensor, parameters: Sequence[Tensor], gradients: Sequence[Tensor]
-) -> tuple[Tensor, Tensor]:
+def _regression(x: Tensor, target: Tensor, parameters: Sequence[Tensor], to: _Gradients) -> tuple[Tensor, Tensor]:
     """:meth:`EnsembleMLP.regress` in PyTorch's operators."""
     hidden = _forward(x, parameters, final_relu=False)
     error = hidden[-1].squeeze(-1) - target
-    _pull(hidden, parameters, False, (error * (2.0 / x.shape[0])).unsqueeze(-1), gradients, to_input=False)
+    _pull(hidden, parameters, False, (error * (2.0 / x.shape[0])).unsqueeze(-1), to, to_input=False)
     return hidden[-1].squeeze(-1), error.square().sum() / x.shape[0]
 
 
-def _fused_regression(
-    x: Tensor, target: Tensor, parameters: Sequence[Tensor], gradients: Sequence[Tensor]
-) -> tuple[Tensor, Tensor]:
-    """:meth:`EnsembleMLP.regress` in one call; the gradients are contiguous."""
-    x, parameters = x.contiguous(), _contiguous(parameters)
-    ensemble, batch, sizes = _shape(x, parameters)
-    outputs, loss = torch.empty(ensemble, batch), torch.empty(1)
-    addresses = (_addresses(parameters), x.data_ptr(), _addresses(gradients))
-    regress_kernel()(ensemble, batch, sizes, *addresses, as_array(target), outputs.numpy(), loss.numpy())
+def _fused_regression(x: Tensor, target: Tensor, networks: _Networks, to: _Gradients) -> tuple[Tensor, Tensor]:
+    """:meth:`EnsembleMLP.regress` in one call."""
+    networks.check(x)
+    x, shape = x.contiguous(), (networks.ensemble, x.shape[0])
+    outputs, loss = torch.empty(shape), torch.empty(1)
+    addresses = (networks.addresses, x.data_ptr(), to.addresses)
+    regress_kernel()(*shape, networks.sizes, *addresses, as_array(target), outputs.numpy(), loss.numpy())
     return outputs, loss[0]
 
 
@@ -182,21 +200,21 @@ def _smallest_output_gradient(
     with torch.enable_grad():
         second = second.detach().requires_grad_()
         x = torch.cat([first.detach(), second], dim=-1)
-        outputs = ensemble_mlp([p[:members].detach() for p in parameters], False, x).squeeze(-1)
+        outputs = _forward(x, [p[:members].detach() for p in parameters], False)[-1].squeeze(-1)
         (gradient,) = torch.autograd.grad(scale * outputs.amin(dim=0).sum(), second)
     return outputs.detach(), gradient
 
 
 def _fused_smallest_output_gradient(
-    x: Tensor, split: int, parameters: Sequence[Tensor], scale: float, members: int
+    x: Tensor, split: int, networks: _Networks, scale: float, members: int
 ) -> tuple[Tensor, Tensor]:
     """:meth:`EnsembleMLP.smallest_output_gradient` in one call; the first networks come first in memory."""
-    parameters = _contiguous(parameters)
-    _, batch, sizes = _shape(x, parameters)
+    networks.check(x)
+    batch = x.shape[0]
     outputs, gradient = torch.empty(members, batch), torch.empty(batch, x.shape[1] - split)
-    addresses = (_addresses(parameters), x.data_ptr())
     columns = (gradient.data_ptr(), split, x.shape[1])
-    descend_kernel()(members, batch, sizes, *addresses, scale, outputs.numpy(), *columns)
+    addresses = (networks.addresses, x.data_ptr())
+    descend_kernel()(members, batch, networks.sizes, *addresses, scale, outputs.numpy(), *columns)
     return outputs, gradient
 
 
@@ -231,31 +249,33 @@ class EnsembleMLP(nn.Module):
         # A ParameterList is slow to walk; whoever replaces a parameter (rather than its data) has to do so here too.
         self.parameter_pairs = tuple(p for pair in zip(self.weights, self.biases) for p in pair)
         self.final_relu = final_relu
+        self.places = Places()
 
     def forward(self, x: Tensor) -> Tensor:
         """Outputs ``[E, B, out]`` for inputs ``[B, in]``."""
-        return ensemble_mlp(self.parameter_pairs, self.final_relu, x)
+        return ensemble_mlp(self.parameter_pairs, self.final_relu, x, self.places)
 
     def vjp(self, x: Tensor) -> tuple[Tensor, PullOutputs]:
         """See :func:`ensemble_mlp_vjp`."""
-        return ensemble_mlp_vjp(self.parameter_pairs, self.final_relu, x)
+        return ensemble_mlp_vjp(self.parameter_pairs, self.final_relu, x, self.places)
 
-    def regress(self, x: Tensor, target: Tensor, gradients: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
+    def regress(self, x: Tensor, target: Tensor, gradient_of: GradientOf) -> tuple[Tensor, Tensor]:
         """One regression step of networks with one output each, without autograd.
 
         Args:
             x: input ``[B, in]``.
             target: ``[B]``, common to all networks.
-            gradients: of ``W_1, b_1, ..., W_L, b_L``; filled.
+            gradient_of: where the gradients of the parameters belong; filled.
 
         Returns:
             The outputs ``[E, B]``, and ``sum over E of mean over B of (output - target)^2``.
         """
         if self.parameter_pairs[-1].shape[2] != 1 or target.shape != x.shape[:1]:
             raise ValueError("a regression takes networks with one output and a target [B]")
-        check_destinations(gradients, self.parameter_pairs)
-        regression = _fused_regression if _takes_kernel(x, self.parameter_pairs[0]) else _regression
-        return regression(x, target, self.parameter_pairs, gradients)
+        to = self.places.once(_gradients, self.parameter_pairs, gradient_of)
+        if _takes_kernel(x, self.parameter_pairs[0]):
+            return _fused_regression(x, target, self.places.once(_networks, self.parameter_pairs), to)
+        return _regression(x, target, self.parameter_pairs, to)
 
     @torch.no_grad()
     def smallest_output_gradient(
@@ -277,5 +297,6 @@ class EnsembleMLP(nn.Module):
             raise ValueError(f"the smallest output is that of 1 to {ensemble} networks with one output each")
         x = torch.cat([first, second], dim=-1)
         if _takes_kernel(x, self.parameter_pairs[0]):
-            return _fused_smallest_output_gradient(x, first.shape[1], self.parameter_pairs, scale, members)
+            networks = self.places.once(_networks, self.parameter_pairs)
+            return _fused_smallest_output_gradient(x, first.shape[1], networks, scale, members)
         return _smallest_output_gradient(first, second, self.parameter_pairs, scale, members)

@@ -11,6 +11,7 @@ from src import ensemble_mlp
 from src.algorithms.critic import TwinCritic
 from src.algorithms.td3 import critic_loss
 from src.ensemble_mlp import EnsembleMLP
+from src.places import fixed_places
 from src.streams import Streams
 
 
@@ -30,9 +31,9 @@ def network() -> EnsembleMLP:
     return EnsembleMLP([5, 16, 8, 3], 2, Streams(0), "test")
 
 
-def places(network: EnsembleMLP) -> list[torch.Tensor]:
-    """Where gradients go; what is not filled shows."""
-    return [torch.full(p.shape, torch.nan, dtype=p.dtype) for p in network.parameter_pairs]
+def places(network: EnsembleMLP) -> dict[nn.Parameter, torch.Tensor]:
+    """Where gradients go, in the order of the layers; what is not filled shows."""
+    return {p: torch.full(p.shape, torch.nan, dtype=p.dtype) for p in network.parameter_pairs}
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])  # the kernel, PyTorch's operators
@@ -46,8 +47,8 @@ def test_values_and_all_gradients_agree_with_torch_nn(final_relu: bool, dtype: t
     ours, pull = network.vjp(x.detach())
     torch.testing.assert_close(ours, theirs)
     assert not ours.requires_grad and (not final_relu or (ours == 0).any())
-    gradients = places(network)
-    to_input = pull(weight, gradients, True)
+    gradient_of = places(network)
+    to_input, gradients = pull(weight, gradient_of, True), list(gradient_of.values())
     loss = (theirs * weight).sum()
     torch.testing.assert_close(to_input, torch.autograd.grad(loss, x, retain_graph=True)[0])
     for e, module in enumerate(modules):
@@ -58,7 +59,7 @@ def test_values_and_all_gradients_agree_with_torch_nn(final_relu: bool, dtype: t
             torch.testing.assert_close(gradients[2 * k + 1][e, 0], expected[2 * k + 1])
     again = places(network)
     assert network.vjp(x.detach())[1](weight, again, False) is None
-    assert all(torch.equal(a, b) for a, b in zip(gradients, again))
+    assert all(torch.equal(a, b) for a, b in zip(gradients, again.values(), strict=True))
     torch.testing.assert_close(network(x), theirs)  # by autograd, too
     for a, b in zip(torch.autograd.grad((network(x) * weight).sum(), network.parameter_pairs), gradients):
         torch.testing.assert_close(a, b)
@@ -139,13 +140,13 @@ def test_a_layer_more_moves_no_other_layers_weights() -> None:
 def test_a_regression_step_fills_autograds_gradient(dtype: torch.dtype, batch: int, ensemble: int) -> None:
     network = EnsembleMLP([5, 16, 24, 8, 1], ensemble, Streams(0), "test").to(dtype)
     x, target = torch.randn(batch, 5, dtype=dtype), torch.randn(batch, dtype=dtype)
-    gradients = [torch.full_like(p, torch.nan) for p in network.parameter_pairs]
-    values, loss = network.regress(x, target, gradients)
+    gradient_of = places(network)
+    values, loss = network.regress(x, target, gradient_of)
     theirs = torch.stack([plain(network, e).to(dtype)(x).squeeze(-1) for e in range(ensemble)])
     torch.testing.assert_close(values, theirs)
     expected = critic_loss(network(x).squeeze(-1), target)
     torch.testing.assert_close(loss, expected.detach())
-    for ours, autograd in zip(gradients, torch.autograd.grad(expected, network.parameter_pairs)):
+    for ours, autograd in zip(gradient_of.values(), torch.autograd.grad(expected, network.parameter_pairs)):
         torch.testing.assert_close(ours, autograd)
 
 
@@ -164,12 +165,19 @@ def test_kernel_and_specification_agree_whatever_the_layout(
         if not kernel:
             monkeypatch.setattr("src.ensemble_mlp._takes_kernel", lambda *_: False)
         y, pull = network.vjp(x)
-        gradients = places(network)
-        results.append([y, pull(weight, gradients, True), *gradients])
-        with torch.no_grad():
+        with fixed_places(network), torch.no_grad():  # a copy of what is not contiguous must not outlive its values
             assert torch.equal(network(x), y)
-    for ours, theirs in zip(*results):
-        torch.testing.assert_close(ours, theirs)
+            network.weights[0].mul_(2)
+            doubled, pull_doubled = network.vjp(x)
+            pull_doubled(weight, again := places(network), True)
+            network.weights[0].mul_(0.5)
+            assert torch.equal(network(x), y)
+        results.append([doubled, *again.values()])
+        gradients = places(network)
+        results.append([y, pull(weight, gradients, True), *gradients.values()])
+    for ours, theirs in zip(results[: len(results) // 2], results[len(results) // 2 :], strict=True):
+        for one, other in zip(ours, theirs, strict=True):
+            torch.testing.assert_close(one, other)
 
 
 def test_the_kernel_is_taken_for_float32(monkeypatch: pytest.MonkeyPatch, network: EnsembleMLP) -> None:
@@ -193,19 +201,18 @@ def test_wrong_shapes_are_refused_and_not_read_beyond_their_end(network: Ensembl
     _, pull = network.vjp(torch.randn(4, 5))
     with pytest.raises(ValueError, match="outputs are"):
         pull(torch.randn(2, 4, 2), places(network), False)
-    for k, p in enumerate(network.parameter_pairs):
+    for p in network.parameter_pairs:
         for place in (torch.empty(1), torch.empty_like(p).double(), torch.empty(*p.shape, 2)[..., 0]):
-            wrong = [place if index == k else right for index, right in enumerate(places(network))]
+            wrong = places(network) | {p: place}
             with pytest.raises(ValueError, match="contiguous tensor of its shape"):
                 pull(torch.randn(2, 4, 3), wrong, False)
-    gradients = [torch.empty_like(p) for p in network.parameter_pairs]
     with pytest.raises(ValueError, match="one output"):
-        network.regress(torch.randn(4, 5), torch.randn(4), gradients)
+        network.regress(torch.randn(4, 5), torch.randn(4), places(network))
     critic = EnsembleMLP([5, 8, 1], 2, Streams(0), "test")
-    gradients = [torch.empty_like(p) for p in critic.parameter_pairs]
-    for target, given in ((torch.randn(3), gradients), (torch.randn(4), gradients[:-1])):
-        with pytest.raises(ValueError, match=r"a target|contiguous tensor"):
-            critic.regress(torch.randn(4, 5), target, given)
+    with pytest.raises(ValueError, match="a target"):
+        critic.regress(torch.randn(4, 5), torch.randn(3), places(critic))
+    with pytest.raises(ValueError, match="contiguous tensor"):
+        critic.regress(torch.randn(4, 5), torch.randn(4), places(critic) | {critic.biases[0]: torch.empty(1)})
 
 
 def test_what_is_not_a_number_is_not_hidden_by_a_relu(network: EnsembleMLP) -> None:

@@ -11,6 +11,7 @@ from torch import Tensor, nn
 
 from src.actors.health import NOTHING_SPIKES, ActorHealth
 from src.actors.population_encoder import PopulationEncoder
+from src.places import fixed_places
 
 #: Where the gradient of each parameter that learns belongs: contiguous, of its shape and precision.
 GradientOf = Mapping[nn.Parameter, Tensor]
@@ -84,7 +85,8 @@ class Actor(nn.Module):
     @contextmanager
     def fixed_weights(self) -> Iterator[None]:
         """Within, no parameter changes (collecting, evaluating): what is derived from them may be computed once."""
-        yield
+        with fixed_places(self):
+            yield
 
     def connection_count(self) -> int:
         """Learnable numbers; of a dendritic layer each unmasked synapse once."""

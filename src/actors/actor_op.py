@@ -8,6 +8,7 @@ What the layers did lies in one block of memory; their gradients go where they b
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -19,12 +20,10 @@ from src.actors.actor import GradientOf, destinations
 from src.actors.decoder import decode
 from src.actors.health import Trace
 from src.actors.kernels import as_array, check_destinations
-from src.actors.lateral import LateralInteraction
 from src.actors.lif_cpu import offsets_array
 from src.actors.lif_kernel import network_backward_kernel, network_forward_kernel
 from src.actors.population_encoder import receptive_field_gradients, receptive_fields
 from src.actors.spiking_network import Network, Weights
-from src.actors.synapse import Synapse
 
 _FLOAT = 4  # bytes
 _LINE = 16  # floats of a cache line, at which each part of what the layers did begins
@@ -144,56 +143,73 @@ def fused_gradient(network: Network, done: Pass, to_raw: Tensor, gradient_of: Gr
     """
     if to_raw.shape != done.raw.shape:
         raise ValueError(f"the raw action is {[*done.raw.shape]}, the gradient to it {[*to_raw.shape]}")
-    encoder, decoder = network.encoder, network.decoder
-    to_weight, to_bias = destinations([decoder.weight, decoder.bias], gradient_of)
-    check_destinations([to_weight, to_bias], [decoder.weight, decoder.bias])
-    torch.sum(to_raw.unsqueeze(-1) * done.rates, 0, out=to_weight)
-    torch.sum(to_raw, 0, out=to_bias)
-    to_layers = [_layer_destinations(*parts, gradient_of) for parts in network.layers]
+    to = network.places.once(_destinations, network, gradient_of)
+    torch.sum(to_raw.unsqueeze(-1) * done.rates, 0, out=to.weight)
+    torch.sum(to_raw, 0, out=to.bias)
     steps, samples, inputs = done.spikes.shape
-    encoder_learns = encoder.mean in gradient_of or encoder.std in gradient_of  # type: ignore[comparison-overlap]
-    to_strength = torch.empty(samples if encoder_learns else 0, inputs)
+    to_strength = torch.empty(samples if to.encoder is not None else 0, inputs)
     network_backward_kernel()(
         as_array(to_raw),
-        as_array(decoder.weight),
+        as_array(network.decoder.weight),
         done.spikes.view(steps * samples, inputs).numpy(),
         steps,
         samples,
         done.layout.sizes,
         done.weights.table,
         done.layout.places + done.block.data_ptr(),
-        np.array([[part.data_ptr() for part in row] for row in to_layers], np.int64),
+        to.table,
         offsets_array(network.offsets),
         *network.constants,
-        _coding_gradient(tuple(encoder.coding_gradient())),
+        _coding_gradient(tuple(network.encoder.coding_gradient())),
         to_strength.numpy(),
     )
-    for (_, lateral), (*_, to_lateral) in zip(network.layers, to_layers):
-        if lateral is not None and lateral.weight in gradient_of:
-            check_destinations([gradient_of[lateral.weight]], [lateral.weight])
-            lateral.gradient(to_lateral, out=gradient_of[lateral.weight])
-    if encoder_learns:
-        to_mean, to_std = destinations([encoder.mean, encoder.std], gradient_of)
-        check_destinations([to_mean, to_std], [encoder.mean, encoder.std])
+    for to_rows, to_shared in to.shared_lateral:
+        torch.sum(to_rows, 1, out=to_shared)
+    if to.encoder is not None:
+        to_mean, to_std = to.encoder
         _, mean_gradient, std_gradient = receptive_field_gradients(
-            to_strength.view_as(done.strength), done.distance, done.strength, encoder.std, to_observation=False
+            to_strength.view_as(done.strength), done.distance, done.strength, network.encoder.std, to_observation=False
         )
         to_mean.copy_(mean_gradient)
         to_std.copy_(std_gradient)
 
 
-def _layer_destinations(synapse: Synapse, lateral: LateralInteraction | None, gradient_of: GradientOf) -> list[Tensor]:
-    """Where a layer's gradients are to be written: of weight, bias and, ``[K, n]``, lateral weights."""
-    parameters: list[Tensor] = [synapse.weight, synapse.bias]
-    if lateral is None:
-        to_lateral = torch.empty(0, len(synapse.weight))
-    elif lateral.weight.dim() == 2:
-        parameters.append(lateral.weight)
-    else:
-        to_lateral = torch.empty(len(lateral.weight), len(synapse.weight))
+class _Destinations(NamedTuple):
+    """Where the gradients go."""
+
+    weight: Tensor  # of the decoder
+    bias: Tensor
+    layers: list[list[Tensor]]  # of weight, bias and lateral weights [K, n]
+    table: np.ndarray  # their addresses
+    shared_lateral: list[tuple[Tensor, Tensor]]  # [K, n], to be summed to [K]
+    encoder: list[Tensor] | None  # of mean and sigma, where one of them learns
+
+
+def _destinations(network: Network, gradient_of: GradientOf) -> _Destinations:
+    encoder, decoder = network.encoder, network.decoder
+    weight, bias = _checked([decoder.weight, decoder.bias], gradient_of)
+    layers, shared = [], []
+    for synapse, lateral in network.layers:
+        places = _checked([synapse.weight, synapse.bias], gradient_of)
+        if lateral is None:
+            places.append(torch.empty(0, len(synapse.weight)))
+        elif lateral.weight.dim() == 2:
+            places += _checked([lateral.weight], gradient_of)
+        else:
+            places.append(torch.empty(len(lateral.weight), len(synapse.weight)))
+            shared.append((places[-1], _checked([lateral.weight], gradient_of)[0]))
+        layers.append(places)
+    table = np.array([[place.data_ptr() for place in places] for places in layers], np.int64)
+    fields = None
+    if any(x in gradient_of for x in (encoder.mean, encoder.std)):  # type: ignore[comparison-overlap]
+        fields = _checked([encoder.mean, encoder.std], gradient_of)
+    return _Destinations(weight, bias, layers, table, shared, fields)
+
+
+def _checked(parameters: Sequence[Tensor], gradient_of: GradientOf) -> list[Tensor]:
     places = destinations(parameters, gradient_of)
     check_destinations(places, parameters)
-    return places if len(places) == 3 else [*places, to_lateral]
+    return places
 
 
 @lru_cache

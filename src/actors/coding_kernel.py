@@ -55,11 +55,11 @@ def _exponent(observation, mean, std, distance, exponent):  # type: ignore[no-un
                 exponent[b, i, j] = FAR if e <= LOWEST else e  # what is not a number stays so
 
 
-def _underflow(exponent, strength):  # type: ignore[no-untyped-def]
-    """Strengths of exponents up to LOWEST are 0; shapes ``[n]``."""
+def _underflow(strength):  # type: ignore[no-untyped-def]
+    """Strengths of exponents up to LOWEST, which now are those above 1, are 0; shape ``[n]``."""
     for i in range(strength.shape[0]):
-        value = strength[i]  # loaded unconditionally, or the loop is not SIMD
-        strength[i] = ZERO if exponent[i] == FAR else value
+        value = strength[i]
+        strength[i] = ZERO if value > ONE else value
 
 
 @cache
@@ -71,8 +71,8 @@ def exponent_kernel() -> Callable[..., None]:
 
 @cache
 def underflow_kernel() -> Callable[..., None]:
-    """The compiled correction of underflow: arguments exponent, strength (corrected)."""
-    return compiled(_underflow, void(float32[::1], float32[::1]))
+    """The compiled correction of underflow: argument strength (corrected)."""
+    return compiled(_underflow, void(float32[::1]))
 
 
 @cache

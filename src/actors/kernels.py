@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import torch
 from numba import njit, types
+from numba.core.compiler import Compiler
 from numba.extending import intrinsic
 
 
@@ -26,6 +27,20 @@ def compiled(function: Callable[..., None], signature: Any) -> Callable[..., Non
         return njit(signature, cache=True, **options)(function)
     except Exception:  # whatever the cache's trouble is; a mistake in the function raises again below
         return njit(signature, **options)(function)
+
+
+def disjoint(function: Callable[..., None]) -> Callable[..., None]:
+    """For kernels: a loop over arrays none of which, where it writes, overlaps another. LLVM then uses SIMD without
+    looking for overlaps at each call.
+    """
+    compiled_later: Callable[..., None] = njit(error_model="numpy", pipeline_class=_Disjoint)(function)
+    return compiled_later
+
+
+class _Disjoint(Compiler):
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self.state.flags.noalias = True
 
 
 @intrinsic

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 
-import torch
 from torch import Tensor, nn
 
 from src.actors.initialisation import Initialiser
@@ -44,10 +43,3 @@ class LateralInteraction(nn.Module):
         if self.weight.dim() == 2:
             return self.weight
         return self.weight.unsqueeze(1).expand(-1, self.neurons)
-
-    def gradient(self, to_weights: Tensor, out: Tensor) -> None:
-        """Fill the gradient of the weight from that to what :meth:`forward` gives, ``[K, n]``."""
-        if self.weight.dim() == 2:
-            out.copy_(to_weights)
-        else:
-            torch.sum(to_weights, 1, out=out)

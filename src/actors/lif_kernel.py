@@ -3,9 +3,8 @@ one call with what surrounds them in a layer: the spreading of the weights over 
 BLAS. There the currents and their gradient, the layer's largest arrays, live inside the call only.
 
 One sample after the other runs through all T steps, so that its state (a few rows of n numbers) stays in the cache.
-Each equation is one pass over a row, small enough for LLVM to check that its arrays do not overlap and then to use
-SIMD: beyond eight pairs of arrays it gives up and computes one number at a time. Every operation is in the order of
-the reference and none is fused or reassociated (no ``fastmath``), so values are equal bit for bit.
+Each equation is one pass over a row (joined, they were slower). Every operation is in the order of the reference and
+none is fused or reassociated (no ``fastmath``), so values are equal bit for bit.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from functools import cache
 import numpy as np
 from numba import carray, float32, int8, int64, njit, void
 
-from src.actors.kernels import bytes_at, compiled, floats_at
+from src.actors.kernels import bytes_at, compiled, disjoint, floats_at
 from src.blas import sgemm
 
 ZERO, ONE = np.float32(0), np.float32(1)
@@ -75,6 +74,16 @@ def _add_four_shifted(target, a, k, b, s0, s1, s2, s3):  # type: ignore[no-untyp
             target[i] + a[k, j + s0] * b[j + s0] + a[k + 1, j + s1] * b[j + s1] + a[k + 2, j + s2] * b[j + s2]
             + a[k + 3, j + s3] * b[j + s3]
         )  # fmt: skip
+
+
+def _add_four_products(t0, t1, t2, t3, a, b0, b1, b2, b3):  # type: ignore[no-untyped-def]
+    """``t_k += a b_k``; the b may overlap, since they are only read."""
+    for j in range(a.shape[0]):
+        x = a[j]
+        t0[j] = t0[j] + x * b0[j]
+        t1[j] = t1[j] + x * b1[j]
+        t2[j] = t2[j] + x * b2[j]
+        t3[j] = t3[j] + x * b3[j]
 
 
 def _maxout_first(x, branch, z0, z1):  # type: ignore[no-untyped-def]
@@ -213,8 +222,17 @@ def _backward(  # type: ignore[no-untyped-def]
             _copy(g, grad[t, b])
             _copy(o, spikes[t, b])
             if t < steps - 1:
-                for k in range(neighbours):
+                k = 0
+                while k + 3 < neighbours:
+                    _add_four_products(
+                        grad_lateral[k], grad_lateral[k + 1], grad_lateral[k + 2], grad_lateral[k + 3], gv,
+                        padded_o[radius + offsets[k] :], padded_o[radius + offsets[k + 1] :],
+                        padded_o[radius + offsets[k + 2] :], padded_o[radius + offsets[k + 3] :],
+                    )  # fmt: skip
+                    k += 4
+                while k < neighbours:
                     _add_product(grad_lateral[k], gv, padded_o[radius + offsets[k] :])
+                    k += 1
                 if through_lateral > 0:
                     k = 0
                     while k + 3 < neighbours:
@@ -424,13 +442,13 @@ def _network_backward(  # type: ignore[no-untyped-def]
         grad = below
 
 
-_PASSES = (
-    _fill, _copy, _add, _add_product, _add_four_shifted, _add_shifted, _maxout_first, _maxout_next, _current, _membrane,
-    _fire, _membrane_gradient, _current_gradient, _branch_gradient,
-)  # fmt: skip
+for _pass in (
+    _fill, _copy, _add, _add_product, _add_four_products, _add_four_shifted, _add_shifted, _maxout_first, _maxout_next,
+    _current, _membrane, _fire, _membrane_gradient, _current_gradient, _branch_gradient,
+):  # fmt: skip
+    globals()[_pass.__name__] = disjoint(_pass)
 for _function in (
-    *_PASSES, _spread, _gather, _product, _forward, _backward, _layer_forward, _layer_backward, _floats, _bytes,
-    _columns,
+    _spread, _gather, _product, _forward, _backward, _layer_forward, _layer_backward, _floats, _bytes, _columns,
 ):  # fmt: skip
     globals()[_function.__name__] = njit(error_model="numpy")(_function)
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from src.actors.actor import Actor, GradientOf, Pull, destinations
+from src.actors.actor import Actor, GradientOf, Pull
 from src.actors.health import NOTHING_SPIKES, ActorHealth
 from src.config import MLPActorConfig
 from src.ensemble_mlp import EnsembleMLP, ensemble_mlp, ensemble_mlp_vjp
+from src.places import Places
 from src.streams import Streams
 
 
@@ -27,10 +28,12 @@ class MLPActor(Actor):
         sizes = (observation_size, *config.hidden_sizes)
         self.hidden = EnsembleMLP(sizes, 1, streams, "actor.hidden", final_relu=True)
         self.output = EnsembleMLP((sizes[-1], action_size), 1, streams, "actor.output")
+        self.places = Places()
 
     def forward(self, observation: Tensor, generator: torch.Generator | None = None) -> Tensor:
         """Raw action ``[B, M]``, trunk and head in one operation; draws nothing."""
-        return ensemble_mlp(self._parameters_in_order(), False, observation).squeeze(0)
+        parameters = self.places.once(MLPActor._in_order, self)
+        return ensemble_mlp(parameters, False, observation, self.places).squeeze(0)
 
     def vjp(
         self, observation: Tensor, generator: torch.Generator | None = None, with_health: bool = False
@@ -38,13 +41,13 @@ class MLPActor(Actor):
         """See :meth:`Actor.vjp`; without autograd."""
         if type(self) is not MLPActor:  # which may compute something else
             return super().vjp(observation, generator, with_health)
-        parameters = self._parameters_in_order()
-        raw, pull = ensemble_mlp_vjp(parameters, False, observation)
+        parameters = self.places.once(MLPActor._in_order, self)
+        raw, pull = ensemble_mlp_vjp(parameters, False, observation, self.places)
 
         def fill(to_raw: Tensor, gradient_of: GradientOf) -> None:
-            pull(to_raw.unsqueeze(0), destinations(parameters, gradient_of), False)
+            pull(to_raw.unsqueeze(0), gradient_of, False)
 
         return raw.squeeze(0), NOTHING_SPIKES if with_health else None, fill
 
-    def _parameters_in_order(self) -> list[nn.Parameter]:
-        return [*self.hidden.parameter_pairs, *self.output.parameter_pairs]
+    def _in_order(self) -> tuple[nn.Parameter, ...]:
+        return *self.hidden.parameter_pairs, *self.output.parameter_pairs

@@ -103,8 +103,8 @@ def receptive_fields(observation: Tensor, mean: Tensor, std: Tensor) -> tuple[Te
         raise ValueError(f"the encoder takes observations [B, {mean.shape[0]}], not {[*observation.shape]}")
     distance, exponent = (torch.empty(*observation.shape, mean.shape[1]) for _ in range(2))
     exponent_kernel()(*(as_array(x) for x in (observation, mean, std)), distance.numpy(), exponent.numpy())
-    strength = exponent.exp()
-    underflow_kernel()(exponent.view(-1).numpy(), strength.view(-1).numpy())
+    strength = exponent.exp_()
+    underflow_kernel()(strength.view(-1).numpy())
     return distance, strength
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -13,6 +13,7 @@ from src.actors.decoder import PopulationDecoder
 from src.actors.kernels import takes_kernel
 from src.actors.population_encoder import PopulationEncoder
 from src.actors.spiking_layer import SpikingLayer
+from src.places import Places
 
 
 class Network:
@@ -26,49 +27,30 @@ class Network:
         self.offsets = next((layer.lateral.offsets for layer in layers if layer.lateral is not None), ())
         self.constants = layers[0].constants
         self.bias_per_neuron = not any(layer.synapse.bias_per_branch for layer in layers)
-        self._key: object = None
-        self._weights: Weights | None = None
+        self.places = Places()
 
     def weights(self, observation: Tensor, for_gradient: bool) -> Weights | None:
         """The layers' weights, or None where the kernels do not serve.
 
         They take float32 on the CPU, a bias for each neuron and, for a gradient, parameters that are not made of others
         and serve in one place only.
-
-        What was found is kept until one of them lies elsewhere: it holds addresses, not values.
         """
         if not takes_kernel(observation) or not self.bias_per_neuron:
             return None
+        return self.places.once(Network._look_up, self, for_gradient)
+
+    @torch.no_grad()
+    def _look_up(self, for_gradient: bool) -> Weights | None:
         encoder, decoder = self.encoder, self.decoder
         learning: list[Tensor] = [decoder.weight, decoder.bias]
-        derived: list[Tensor] = [encoder.mean, encoder.std]
         for synapse, lateral in self.layers:
             learning += [synapse.weight, synapse.bias]
             if lateral is not None:
                 learning.append(lateral.weight)
-            derived += [x for x in synapse.spreading(for_gradient) if x is not None]
-        key = (
-            for_gradient,
-            [(x.data_ptr(), x.shape, x.dtype, type(x), x.is_contiguous()) for x in (*learning, *derived)],
-        )
-        if key != self._key:
-            self._key, self._weights = None, None
-            if all(takes_kernel(x) for x in (encoder.mean, encoder.std, *learning)) and (
-                not for_gradient or self._are_parameters(learning)
-            ):
-                self._weights, copied = self._find(for_gradient)
-                self._key = None if copied else key
-        return self._weights
-
-    def _are_parameters(self, learning: Sequence[Tensor]) -> bool:
-        """Each one of its own; the encoder's may also be fixed."""
-        own = {id(x) for x in learning if isinstance(x, nn.Parameter)}
-        encoder = {id(x) for x in (*self.encoder.parameters(), *self.encoder.buffers())}
-        return len(own) == len(learning) and {id(self.encoder.mean), id(self.encoder.std)} <= encoder
-
-    @torch.no_grad()
-    def _find(self, for_gradient: bool) -> tuple[Weights, bool]:
-        """And whether some are copies, since a parameter is not contiguous, or shared by the neurons."""
+        if not all(takes_kernel(x) for x in (encoder.mean, encoder.std, *learning)) or (
+            for_gradient and not self._are_parameters(learning)
+        ):
+            return None
         layers, copied = [], False
         for synapse, lateral in self.layers:
             weight, bias = synapse.weight.detach().contiguous(), synapse.bias.detach().contiguous()
@@ -81,10 +63,13 @@ class Network:
         shapes = tuple(
             (x.weight.shape, x.bias.shape, None if x.lateral is None else x.lateral.shape, x.branches) for x in layers
         )
-        return Weights(layers, shapes, np.array([layer.row() for layer in layers], np.int64)), copied
+        return Weights(layers, shapes, np.array([layer.row() for layer in layers], np.int64), copied)
 
-    def __getstate__(self) -> dict[str, Any]:
-        return self.__dict__ | {"_key": None, "_weights": None}
+    def _are_parameters(self, learning: Sequence[Tensor]) -> bool:
+        """Each one of its own; the encoder's may also be fixed."""
+        own = {id(x) for x in learning if isinstance(x, nn.Parameter)}
+        encoder = {id(x) for x in (*self.encoder.parameters(), *self.encoder.buffers())}
+        return len(own) == len(learning) and {id(self.encoder.mean), id(self.encoder.std)} <= encoder
 
 
 class Layer(NamedTuple):
@@ -110,3 +95,4 @@ class Weights(NamedTuple):
     layers: list[Layer]  # read by nobody: they keep alive what the table has the addresses of
     shapes: tuple[tuple[torch.Size, torch.Size, torch.Size | None, int], ...]  # weight, bias, lateral weights; d
     table: np.ndarray  # as the kernels take it
+    copied: bool  # some are copies, since a parameter is not contiguous, or shared by the neurons

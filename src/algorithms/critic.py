@@ -46,5 +46,4 @@ class TwinCritic(nn.Module):
         Returns the values ``[2, B]`` of ``inputs``, observation and action ``[B, N + M]``, and the loss of
         :func:`src.algorithms.td3.critic_loss` to the target ``[B]``.
         """
-        gradients = [gradient_of[p] for p in self.networks.parameter_pairs]
-        return self.networks.regress(inputs, target, gradients)
+        return self.networks.regress(inputs, target, gradient_of)

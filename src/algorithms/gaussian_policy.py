@@ -11,7 +11,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from src.actors.actor import Actor, GradientOf, destinations
+from src.actors.actor import Actor, GradientOf
 from src.actors.health import NOTHING_SPIKES, ActorHealth
 from src.actors.mlp_actor import MLPActor
 from src.algorithms import sac
@@ -81,7 +81,7 @@ class GaussianPolicy:
 
         def pull(to_mean: Tensor, to_log_std: Tensor, gradient_of: GradientOf) -> None:
             pull_mean(to_mean, gradient_of)
-            pull_log_std(to_log_std.unsqueeze(0), destinations(network.parameter_pairs, gradient_of), False)
+            pull_log_std(to_log_std.unsqueeze(0), gradient_of, False)
 
         return mean, log_std.squeeze(0), health, pull
 
@@ -95,11 +95,11 @@ class GaussianPolicy:
 
         def pull(to_mean: Tensor, to_log_std: Tensor, gradient_of: GradientOf) -> None:
             to_features = [
-                pull_head(to_head.unsqueeze(0), destinations(head.parameter_pairs, gradient_of), True)
-                for head, pull_head, to_head in zip(heads, (pull_mean, pull_log_std), (to_mean, to_log_std))
+                pull_head(to_head.unsqueeze(0), gradient_of, True)
+                for pull_head, to_head in zip((pull_mean, pull_log_std), (to_mean, to_log_std))
             ]
             both = torch.add(*to_features).unsqueeze(0)  # type: ignore[arg-type]
-            pull_features(both, destinations(trunk.parameter_pairs, gradient_of), False)
+            pull_features(both, gradient_of, False)
 
         return mean.squeeze(0), log_std.squeeze(0), NOTHING_SPIKES if with_health else None, pull
 

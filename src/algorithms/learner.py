@@ -14,6 +14,7 @@ from src.algorithms.critic import TwinCritic
 from src.algorithms.metrics import BurstRecord, Diverged
 from src.algorithms.parameters import FlatParameters
 from src.algorithms.policy import DeterministicPolicy
+from src.places import fixed_places
 
 
 class Minibatches(NamedTuple):
@@ -55,13 +56,18 @@ class Learner(ABC):
     def explore(self, observation: Tensor) -> Tensor:
         """Exploring actions ``[B, M]`` for normalised observations ``[B, N]``."""
 
-    @abstractmethod
     def update(self, burst: Minibatches) -> dict[str, float]:
         """One gradient update per minibatch; returns the means of the burst.
 
         Raises:
             Diverged: when a loss is not finite.
         """
+        with fixed_places(*self.modules.values()):
+            return self.learn(burst)
+
+    @abstractmethod
+    def learn(self, burst: Minibatches) -> dict[str, float]:
+        """:meth:`update`, while every parameter keeps its place."""
 
     @torch.no_grad()
     def act(self, observation: Tensor, generator: torch.Generator) -> Tensor:

@@ -70,7 +70,7 @@ class SACLearner(Learner):
         noise = torch.randn(shape, generator=self.streams.exploration).to(observation.device)
         return self.gaussian.sample(observation, noise, self.streams.encoder).action
 
-    def update(self, burst: Minibatches) -> dict[str, float]:
+    def learn(self, burst: Minibatches) -> dict[str, float]:
         """See :meth:`Learner.update`."""
         c, record = self.config, BurstRecord()
         noise = torch.randn((2, *burst.action.shape), generator=self.streams.target_noise).to(burst.action.device)

@@ -54,7 +54,7 @@ class TD3Learner(Learner):
         noise = torch.randn(action.shape, generator=self.streams.exploration).to(action.device)
         return (action + self.config.exploration_noise * noise).clamp_(-self.action_limit, self.action_limit)
 
-    def update(self, burst: Minibatches) -> dict[str, float]:
+    def learn(self, burst: Minibatches) -> dict[str, float]:
         """See :meth:`Learner.update`; the actor's delay counter starts anew with each burst [SU]."""
         c, record = self.config, BurstRecord()
         noise = c.target_noise * torch.randn(burst.action.shape, generator=self.streams.target_noise)
