@@ -10,9 +10,9 @@ from collections.abc import Callable
 from functools import cache
 
 import numpy as np
-from numba import float32, void
+from numba import carray, float32, int64, void
 
-from src.actors.kernels import compiled
+from src.actors.kernels import compiled, floats_at
 
 ZERO, ONE, MINUS_HALF = np.float32(0), np.float32(1), np.float32(-0.5)
 LOWEST = np.float32(-87.33655)  # the largest number whose exponential is denormal
@@ -36,11 +36,16 @@ def _deterministic(strength, threshold, spikes):  # type: ignore[no-untyped-def]
                 voltage[i] = v - threshold * spike
 
 
-def _exponent(observation, mean, std, distance, exponent):  # type: ignore[no-untyped-def]
-    """Fill ``s - mu`` and ``-(s - mu)^2 / (2 sigma^2)``, ``[B, N, J]``, from ``[B, N]`` and twice ``[N, J]``.
+def _exponent(samples, inputs, fields, observation, mean, std, distance, exponent):  # type: ignore[no-untyped-def]
+    """Fill ``s - mu`` and ``-(s - mu)^2 / (2 sigma^2)``, ``[B, N, J]``, from ``[B, N]`` and twice ``[N, J]``, given by
+    their addresses.
 
     Exponents up to LOWEST become FAR: an exponential that underflows would take fifty times as long.
     """
+    observation = carray(floats_at(observation), (samples, inputs))
+    mean, std = carray(floats_at(mean), (inputs, fields)), carray(floats_at(std), (inputs, fields))
+    distance = carray(floats_at(distance), (samples, inputs, fields))
+    exponent = carray(floats_at(exponent), (samples, inputs, fields))
     factor = np.empty(mean.shape, np.float32)
     for i in range(mean.shape[0]):
         for j in range(mean.shape[1]):
@@ -55,9 +60,10 @@ def _exponent(observation, mean, std, distance, exponent):  # type: ignore[no-un
                 exponent[b, i, j] = FAR if e <= LOWEST else e  # what is not a number stays so
 
 
-def _underflow(strength):  # type: ignore[no-untyped-def]
-    """Strengths of exponents up to LOWEST, which now are those above 1, are 0; shape ``[n]``."""
-    for i in range(strength.shape[0]):
+def _underflow(n, strength):  # type: ignore[no-untyped-def]
+    """Strengths of exponents up to LOWEST, which now are those above 1, are 0; an address and how many."""
+    strength = carray(floats_at(strength), (n,))
+    for i in range(n):
         value = strength[i]
         strength[i] = ZERO if value > ONE else value
 
@@ -65,14 +71,13 @@ def _underflow(strength):  # type: ignore[no-untyped-def]
 @cache
 def exponent_kernel() -> Callable[..., None]:
     """The compiled receptive fields, but for the exponential."""
-    rows, fields = float32[:, ::1], float32[:, :, ::1]
-    return compiled(_exponent, void(rows, rows, rows, fields, fields))
+    return compiled(_exponent, void(*8 * (int64,)))
 
 
 @cache
 def underflow_kernel() -> Callable[..., None]:
-    """The compiled correction of underflow: argument strength (corrected)."""
-    return compiled(_underflow, void(float32[::1]))
+    """The compiled correction of underflow: arguments how many, and the address of the strength (corrected)."""
+    return compiled(_underflow, void(int64, int64))
 
 
 @cache

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from functools import cache
 
 import numpy as np
-from numba import float32, uint64, void
+from numba import carray, int64, uint64, void
 
-from src.actors.kernels import compiled
+from src.actors.kernels import compiled, floats_at
 
 ZERO, ONE, TWO_TO_MINUS_24 = np.float32(0), np.float32(1), np.float32(2.0**-24)
 M0, M1, W0, W1 = (np.uint64(word) for word in (0xD2511F53, 0xCD9E8D57, 0x9E3779B9, 0xBB67AE85))
@@ -16,12 +16,12 @@ MASK, HALF, NONE, EIGHT = np.uint64(0xFFFFFFFF), np.uint64(32), np.uint64(0), np
 BLOCK = 512  # counters whose words stay in the first-level cache
 
 
-def _poisson(strength, key, spikes):  # type: ignore[no-untyped-def]
-    """Fill ``spikes [T, n]`` from ``strength [n]``: ``1[u < A]``."""
+def _poisson(steps, n, strength, key, spikes):  # type: ignore[no-untyped-def]
+    """Fill ``spikes [T, n]`` from ``strength [n]``, given by their addresses: ``1[u < A]``."""
+    strength, spikes = carray(floats_at(strength), (n,)), carray(floats_at(spikes), (steps, n))
     words = np.empty((4, BLOCK), np.uint32)
-    n = strength.shape[0]
     quarter = (n + 3) // 4
-    for t in range(spikes.shape[0]):
+    for t in range(steps):
         for start in range(0, quarter, BLOCK):
             size = min(BLOCK, quarter - start)
             for i in range(size):
@@ -43,5 +43,5 @@ def _poisson(strength, key, spikes):  # type: ignore[no-untyped-def]
 
 @cache
 def poisson_kernel() -> Callable[..., None]:
-    """The compiled coding: arguments strength, key, spikes (filled)."""
-    return compiled(_poisson, void(float32[::1], uint64, float32[:, ::1]))
+    """The compiled coding: arguments T, n, the address of the strength, key, that of the spikes (filled)."""
+    return compiled(_poisson, void(int64, int64, int64, uint64, int64))

@@ -13,7 +13,7 @@ import torch
 from torch import Tensor, nn
 
 from src.actors.coding_kernel import LOWEST, exponent_kernel, underflow_kernel
-from src.actors.kernels import as_array, takes_kernel
+from src.actors.kernels import takes_kernel
 from src.actors.spike_coding import Coding, StraightThroughSpikes, coding_gradient, encode
 from src.config import EncoderConfig
 
@@ -95,16 +95,18 @@ def receptive_fields(observation: Tensor, mean: Tensor, std: Tensor) -> tuple[Te
     Strengths below float32's smallest normal number, 1.2e-38, are 0: what they are wherever denormal numbers are
     flushed (:mod:`src.training.numerics`).
     """
-    if not (takes_kernel(observation) and takes_kernel(mean)):
+    if not all(takes_kernel(x) for x in (observation, mean, std)):
         distance = observation.unsqueeze(-1) - mean
         exponent = distance.square().mul_(-0.5 / std.square())
         return distance, exponent.exp().masked_fill_(exponent <= float(LOWEST), 0.0)
-    if observation.shape[1:] != mean.shape[:1]:
-        raise ValueError(f"the encoder takes observations [B, {mean.shape[0]}], not {[*observation.shape]}")
-    distance, exponent = (torch.empty(*observation.shape, mean.shape[1]) for _ in range(2))
-    exponent_kernel()(*(as_array(x) for x in (observation, mean, std)), distance.numpy(), exponent.numpy())
+    if observation.shape[1:] != mean.shape[:1] or std.shape != mean.shape:
+        found = f"{[*observation.shape]} and sigma {[*std.shape]}"
+        raise ValueError(f"an encoder of {[*mean.shape]} takes observations [B, {mean.shape[0]}], not {found}")
+    shape, parts = (*observation.shape, mean.shape[1]), (observation.contiguous(), mean.contiguous(), std.contiguous())
+    distance, exponent = torch.empty(shape), torch.empty(shape)
+    exponent_kernel()(*shape, *(x.data_ptr() for x in (*parts, distance, exponent)))
     strength = exponent.exp_()
-    underflow_kernel()(strength.view(-1).numpy())
+    underflow_kernel()(strength.numel(), strength.data_ptr())
     return distance, strength
 
 

@@ -51,9 +51,9 @@ def encode(
     strength = strength.detach()
     if not takes_kernel(strength):
         return (poisson_draws(strength, time_steps, generator) < strength).to(strength.dtype)
-    spikes = strength.new_empty((time_steps, *strength.shape))
-    train = spikes.view(time_steps, -1).numpy()
-    poisson_kernel()(strength.contiguous().view(-1).numpy(), _key(generator), train)
+    spikes, strength = strength.new_empty((time_steps, *strength.shape)), strength.contiguous()
+    key = _key(generator)
+    poisson_kernel()(time_steps, strength.numel(), strength.data_ptr(), key, spikes.data_ptr())
     return spikes
 
 

@@ -178,3 +178,20 @@ def test_fixed_receptive_fields():
 def test_deterministic_threshold_is_strict(dtype):
     strength = torch.tensor([[0.75, 0.7500001]], dtype=dtype)
     assert encode(strength, "deterministic", 1, 0.75, None).flatten().tolist() == [0, 1]
+
+
+def test_receptive_fields_take_any_layout_and_refuse_what_does_not_fit():
+    """The kernel gets addresses, and checks nothing itself."""
+    observation, mean, std = torch.randn(7, 22)[:, ::2], torch.randn(10, 11).t(), torch.rand(10, 11).t() + 0.1
+    expected = receptive_fields(*(x.double() for x in (observation, mean, std)))
+    for ours, theirs in zip(receptive_fields(observation, mean, std), expected, strict=True):
+        torch.testing.assert_close(ours.double(), theirs, rtol=1e-5, atol=1e-6)
+    half = observation.half()
+    for others in ((observation, mean, std.double()), (observation.double(), mean, std)):  # PyTorch's operators
+        torch.testing.assert_close(receptive_fields(*others)[1].double(), expected[1], rtol=1e-5, atol=1e-6)
+    assert receptive_fields(half, mean.half(), std.half())[1].dtype == torch.float16
+    for wrong in (observation[:, 1:], observation[0], observation[None]):
+        with pytest.raises(ValueError, match="takes observations"):
+            receptive_fields(wrong, mean, std)
+    with pytest.raises(ValueError, match="sigma"):
+        receptive_fields(observation, mean, std[1:])
