@@ -19,7 +19,7 @@ from torch import Tensor
 from src.actors.actor import GradientOf, destinations
 from src.actors.decoder import decode
 from src.actors.health import Trace
-from src.actors.kernels import as_array, check_destinations
+from src.actors.kernels import check_destinations, takes_kernel
 from src.actors.lif_cpu import offsets_array
 from src.actors.lif_kernel import network_backward_kernel, network_forward_kernel
 from src.actors.population_encoder import receptive_field_gradients, receptive_fields
@@ -70,12 +70,12 @@ def fused_actor(
     """
     encoder, decoder = network.encoder, network.decoder
     distance, strength = receptive_fields(observation, encoder.mean, encoder.std)
-    spikes = encoder.encode(strength.flatten(1), generator)
-    steps, samples, inputs = spikes.shape
+    spikes = encoder.encode(strength.flatten(1), generator).contiguous()
+    steps, samples, _ = spikes.shape
     layout = _layout(spikes.shape, weights.shapes, len(network.offsets), decoder.weight.numel(), keep)
     block, rates = torch.empty(layout.floats), torch.empty(samples, *decoder.weight.shape)
     network_forward_kernel()(
-        spikes.view(steps * samples, inputs).numpy(),
+        spikes.data_ptr(),
         steps,
         samples,
         layout.sizes,
@@ -84,7 +84,7 @@ def fused_actor(
         offsets_array(network.offsets),
         *network.constants[:3],
         keep,
-        rates.flatten(1).numpy(),
+        rates.data_ptr(),
     )
     raw = decode(rates, decoder.weight, decoder.bias)
     return Pass(raw, distance, strength, spikes, rates, weights, block, layout)
@@ -141,17 +141,20 @@ def fused_gradient(network: Network, done: Pass, to_raw: Tensor, gradient_of: Gr
         to_raw: gradient to the raw action, ``[B, M]``.
         gradient_of: where those of the parameters belong.
     """
-    if to_raw.shape != done.raw.shape:
-        raise ValueError(f"the raw action is {[*done.raw.shape]}, the gradient to it {[*to_raw.shape]}")
+    if to_raw.shape != done.raw.shape or not takes_kernel(to_raw):
+        found = f"{[*to_raw.shape]}, {to_raw.dtype}"
+        raise ValueError(f"the raw action is {[*done.raw.shape]}, float32, the gradient to it {found}")
     to = network.places.once(_destinations, network, gradient_of)
     torch.sum(to_raw.unsqueeze(-1) * done.rates, 0, out=to.weight)
     torch.sum(to_raw, 0, out=to.bias)
     steps, samples, inputs = done.spikes.shape
+    to_raw, decoder = to_raw.contiguous(), network.decoder.weight.contiguous()
     to_strength = torch.empty(samples if to.encoder is not None else 0, inputs)
     network_backward_kernel()(
-        as_array(to_raw),
-        as_array(network.decoder.weight),
-        done.spikes.view(steps * samples, inputs).numpy(),
+        to_raw.data_ptr(),
+        decoder.data_ptr(),
+        to_raw.shape[1],
+        done.spikes.data_ptr(),
         steps,
         samples,
         done.layout.sizes,
@@ -161,7 +164,7 @@ def fused_gradient(network: Network, done: Pass, to_raw: Tensor, gradient_of: Gr
         offsets_array(network.offsets),
         *network.constants,
         _coding_gradient(tuple(network.encoder.coding_gradient())),
-        to_strength.numpy(),
+        0 if to.encoder is None else to_strength.data_ptr(),
     )
     for to_rows, to_shared in to.shared_lateral:
         torch.sum(to_rows, 1, out=to_shared)

@@ -31,11 +31,11 @@ _BACKWARD = void(
 _SPREAD = void(_ROWS, int8[:, ::1], _STEPS)
 _TABLE = int64[:, ::1]
 _NETWORK_FORWARD = void(
-    _ROWS, int64, int64, _OFFSETS, _TABLE, _TABLE, _OFFSETS, float32, float32, float32, int64, _ROWS
+    int64, int64, int64, _OFFSETS, _TABLE, _TABLE, _OFFSETS, float32, float32, float32, int64, int64
 )  # fmt: skip
 _NETWORK_BACKWARD = void(
-    _ROWS, _ROWS, _ROWS, int64, int64, _OFFSETS, _TABLE, _TABLE, _TABLE, _OFFSETS, float32, float32, float32, float32,
-    float32, float32, _ROWS, _ROWS,
+    int64, int64, int64, int64, int64, int64, _OFFSETS, _TABLE, _TABLE, _TABLE, _OFFSETS, float32, float32, float32,
+    float32, float32, float32, _ROWS, int64,
 )  # fmt: skip
 
 
@@ -361,13 +361,14 @@ def _network_forward(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Layer after layer, and the firing rates of the last.
 
-    ``x`` is ``[T*B, sizes[0]]``, ``rates`` ``[B, sizes[L]]``. For layer k, as addresses, 0 for none:
+    As addresses, 0 for none: ``x`` of ``[T*B, sizes[0]]``, ``rates`` of ``[B, sizes[L]]`` and for layer k
 
     ``parameters[k]``: weight, bias, lateral, how many neighbours, branch of each synapse (where the weight is to be
     spread), branch weights (where it is not), how many branches.
     ``places[k]``: of spikes, potentials, largest branches (neither filled unless ``keep``) and branch weights.
     """
     layers = parameters.shape[0]
+    x, rates = _floats(x, (steps * samples, sizes[0])), _floats(rates, (samples, sizes[layers]))
     for k in range(layers):
         n_in, n = sizes[k], sizes[k + 1]
         weight, bias, lateral, neighbours, branch, matrix, dendrites = _columns(parameters[k])
@@ -398,16 +399,19 @@ def _network_forward(  # type: ignore[no-untyped-def]
 
 
 def _network_backward(  # type: ignore[no-untyped-def]
-    grad_raw, decoder, x, steps, samples, sizes, parameters, places, gradients, offsets, current_decay, voltage_decay,
-    threshold, window, reset, through_lateral, coding_gradient, grad_strength,
+    grad_raw, decoder, actions, x, steps, samples, sizes, parameters, places, gradients, offsets, current_decay,
+    voltage_decay, threshold, window, reset, through_lateral, coding_gradient, grad_strength,
 ):  # fmt: skip
     """From the gradient to the raw action ``[B, M]`` of a decoder ``[M, P]`` to ``gradients[k]``, the addresses of
     those of weight, bias and lateral weights, filled; and with a ``coding_gradient`` ``[1, T]`` to the strength
-    ``[B, sizes[0]]`` that x encodes.
+    ``[B, sizes[0]]`` that x encodes, unless its address is 0. The others, too, come by address; M is ``actions``.
     """
     layers = parameters.shape[0]
     nothing = np.empty((0, 0), np.float32)
     n = sizes[layers]
+    grad_raw, decoder = _floats(grad_raw, (samples, actions)), _floats(decoder, (actions, n // actions))
+    x = _floats(x, (steps * samples, sizes[0]))
+    grad_strength = _floats(grad_strength, (samples if grad_strength != 0 else 0, sizes[0]))
     grad = np.empty((steps, samples, n), np.float32)
     for b in range(samples):
         for m in range(decoder.shape[0]):

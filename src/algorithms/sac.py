@@ -9,12 +9,11 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-import numpy as np
 import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from src.actors.kernels import as_array, takes_kernel
+from src.actors.kernels import takes_kernel
 from src.algorithms.tanh_gaussian_kernel import gradient_kernel, sample_kernel
 
 _HALF_LOG_2PI = 0.5 * math.log(2 * math.pi)
@@ -79,17 +78,21 @@ def _fused_tanh_gaussian(
     mean: Tensor, log_std: Tensor, noise: Tensor, bounds: Bounds
 ) -> tuple[Tensor, Tensor, PullSample]:
     """Some thirty small operators in a kernel."""
-    action, log_probability = mean.new_empty(mean.shape), mean.new_empty(mean.shape[0])
-    own, limits = as_array(log_std), np.array(bounds, np.float32)
-    kept = np.empty((2, *mean.shape), np.float32)
-    sample_kernel()(as_array(mean), own, as_array(noise), limits, action.numpy(), log_probability.numpy(), kept)
+    shape = samples, _ = mean.shape
+    action, log_probability, kept = torch.empty(shape), torch.empty(samples), torch.empty(2, *shape)
+    mean, log_std, noise = mean.contiguous(), log_std.contiguous(), noise.contiguous()
+    outputs = (action.data_ptr(), log_probability.data_ptr(), kept.data_ptr())
+    sample_kernel()(*shape, mean.data_ptr(), log_std.data_ptr(), noise.data_ptr(), *bounds, *outputs)
 
     def pull(to_action: Tensor, to_log_probability: Tensor) -> tuple[Tensor, Tensor]:
         if to_action.shape != action.shape or to_log_probability.shape != log_probability.shape:
             raise ValueError(f"a sample is {[*action.shape]}, the gradient to it {[*to_action.shape]}")
-        to_mean, to_log_std = torch.empty_like(action), torch.empty_like(action)
-        gradients = as_array(to_action), as_array(to_log_probability)
-        gradient_kernel()(*gradients, own, limits, kept, to_mean.numpy(), to_log_std.numpy())
+        if not (takes_kernel(to_action) and takes_kernel(to_log_probability)):
+            raise ValueError(f"a sample is float32, the gradient to it {to_action.dtype}, {to_log_probability.dtype}")
+        to_action, to_log_probability = to_action.contiguous(), to_log_probability.contiguous()
+        to_mean, to_log_std = torch.empty(shape), torch.empty(shape)
+        inputs = (to_action.data_ptr(), to_log_probability.data_ptr(), log_std.data_ptr())
+        gradient_kernel()(*shape, *inputs, *bounds, kept.data_ptr(), to_mean.data_ptr(), to_log_std.data_ptr())
         return to_mean, to_log_std
 
     return action, log_probability, pull

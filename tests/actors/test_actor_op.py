@@ -131,8 +131,9 @@ def test_wrong_shapes_are_refused(weights):
     for parameter in actor.parameters():
         _, _, pull = actor.vjp(torch.zeros(2, 11))
         whole = places(actor)
-        with pytest.raises(ValueError, match=r"raw action is \[2, 3\]"):
-            pull(torch.zeros(2, 4), whole)
+        for wrong in (torch.zeros(2, 4), torch.zeros(2, 3).double()):
+            with pytest.raises(ValueError, match=r"raw action is \[2, 3\], float32"):
+                pull(wrong, whole)
         for place in (torch.zeros(1), torch.zeros(parameter.shape).double(), torch.zeros(*parameter.shape, 2)[..., 0]):
             with pytest.raises(ValueError, match="contiguous tensor of its shape"):
                 pull(torch.zeros(2, 3), whole | {parameter: place})
@@ -148,14 +149,15 @@ def test_wrong_shapes_are_refused(weights):
         actor.vjp(torch.zeros(2, 11))
 
 
-def test_a_frozen_parameter_need_not_be_contiguous():
+@pytest.mark.parametrize("name", ["layers.1.synapse.weight", "decoder.weight"])
+def test_a_frozen_parameter_need_not_be_contiguous(name):
     actor = build_actor(configuration("bptsan", "deterministic"), 11, 3, Streams(0))
     observation, to_raw = torch.randn(6, 11), torch.randn(6, 3)
     _, *expected = gradients(actor, observation, to_raw)
-    weight = actor.spiking_layers()[1].synapse.weight
+    weight = actor.get_parameter(name)
     weight.data = weight.detach().t().contiguous().t()
     gradient_of = {parameter: place for parameter, place in places(actor).items() if parameter is not weight}
-    actor.vjp(observation)[2](to_raw, gradient_of)
+    actor.vjp(observation)[2](to_raw.t().contiguous().t(), gradient_of)  # nor what comes in
     others = [g for p, g in zip(actor.parameters(), expected, strict=True) if p is not weight]
     assert all(torch.equal(a, b) for a, b in zip(gradient_of.values(), others, strict=True))
 

@@ -147,6 +147,21 @@ def test_gradients_to_a_sample_of_other_shapes_are_refused() -> None:
     for shapes in (((3, 3), (4,)), ((4, 3), (3,))):
         with pytest.raises(ValueError, match=r"a sample is \[4, 3\]"):
             pull(*(torch.zeros(shape) for shape in shapes))
+    for to_action, to_log_probability in (
+        (torch.zeros(4, 3).double(), torch.zeros(4)),
+        (torch.zeros(4, 3), torch.zeros(4).half()),
+    ):
+        with pytest.raises(ValueError, match="a sample is float32"):
+            pull(to_action, to_log_probability)
+
+
+def test_a_sample_and_its_gradient_take_any_layout() -> None:
+    parts, weights = [torch.randn(4, 3) for _ in range(3)], (torch.randn(4, 3), torch.randn(4))
+    action, log_probability, pull = sac.tanh_gaussian_vjp(*parts, BOUNDS)
+    expected = action, log_probability, *pull(*weights)
+    action, log_probability, pull = sac.tanh_gaussian_vjp(*(x.t().contiguous().t() for x in parts), BOUNDS)
+    ours = action, log_probability, *pull(weights[0].t().contiguous().t(), weights[1].repeat_interleave(2)[::2])
+    assert all(torch.equal(a, b) for a, b in zip(ours, expected, strict=True))
 
 
 def test_parts_of_other_shapes_are_broadcast() -> None:
