@@ -94,8 +94,16 @@ class Actor(nn.Module):
 
 
 def destinations(parameters: Sequence[Tensor], gradient_of: GradientOf) -> list[Tensor]:
-    """Where the gradient of each parameter belongs; a place to forget it for one that does not learn."""
-    return [
+    """Where the gradient of each parameter belongs; a place to forget it for one that does not learn.
+
+    Raises:
+        ValueError: a place that is not like its parameter, or not contiguous: kernels write to its address.
+    """
+    places = [
         gradient_of[p] if p in gradient_of else torch.empty(p.shape, dtype=p.dtype, device=p.device)  # type: ignore[index]
         for p in parameters
     ]
+    for g, p in zip(places, parameters):
+        if g.shape != p.shape or g.dtype != p.dtype or g.device != p.device or not g.is_contiguous():
+            raise ValueError("the gradient of a parameter takes a contiguous tensor of its shape, precision and device")
+    return places

@@ -8,7 +8,6 @@ What the layers did lies in one block of memory; their gradients go where they b
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -19,7 +18,7 @@ from torch import Tensor
 from src.actors.actor import GradientOf, destinations
 from src.actors.decoder import decode
 from src.actors.health import Trace
-from src.actors.kernels import check_destinations, takes_kernel
+from src.actors.kernels import takes_kernel
 from src.actors.lif_cpu import offsets_array
 from src.actors.lif_kernel import network_backward_kernel, network_forward_kernel
 from src.actors.population_encoder import receptive_field_gradients, receptive_fields
@@ -190,29 +189,23 @@ class _Destinations(NamedTuple):
 
 def _destinations(network: Network, gradient_of: GradientOf) -> _Destinations:
     encoder, decoder = network.encoder, network.decoder
-    weight, bias = _checked([decoder.weight, decoder.bias], gradient_of)
+    weight, bias = destinations([decoder.weight, decoder.bias], gradient_of)
     layers, shared = [], []
     for synapse, lateral in network.layers:
-        places = _checked([synapse.weight, synapse.bias], gradient_of)
+        places = destinations([synapse.weight, synapse.bias], gradient_of)
         if lateral is None:
             places.append(torch.empty(0, len(synapse.weight)))
         elif lateral.weight.dim() == 2:
-            places += _checked([lateral.weight], gradient_of)
+            places += destinations([lateral.weight], gradient_of)
         else:
             places.append(torch.empty(len(lateral.weight), len(synapse.weight)))
-            shared.append((places[-1], _checked([lateral.weight], gradient_of)[0]))
+            shared.append((places[-1], destinations([lateral.weight], gradient_of)[0]))
         layers.append(places)
     table = np.array([[place.data_ptr() for place in places] for places in layers], np.int64)
     fields = None
     if any(x in gradient_of for x in (encoder.mean, encoder.std)):  # type: ignore[comparison-overlap]
-        fields = _checked([encoder.mean, encoder.std], gradient_of)
+        fields = destinations([encoder.mean, encoder.std], gradient_of)
     return _Destinations(weight, bias, layers, table, shared, fields)
-
-
-def _checked(parameters: Sequence[Tensor], gradient_of: GradientOf) -> list[Tensor]:
-    places = destinations(parameters, gradient_of)
-    check_destinations(places, parameters)
-    return places
 
 
 @lru_cache

@@ -7,7 +7,7 @@ they do gives them another name.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -72,15 +72,6 @@ def takes_kernel(tensor: torch.Tensor) -> bool:
 def as_array(tensor: torch.Tensor) -> np.ndarray:
     """Its values, contiguous."""
     return tensor.detach().contiguous().numpy()
-
-
-def check_destinations(gradients: Sequence[torch.Tensor], parameters: Sequence[torch.Tensor]) -> None:
-    """Kernels write gradients to addresses: raises ValueError unless each is contiguous and like its parameter."""
-    if len(gradients) != len(parameters) or any(
-        g.shape != p.shape or g.dtype != p.dtype or g.device != p.device or not g.is_contiguous()
-        for g, p in zip(gradients, parameters)
-    ):
-        raise ValueError("the gradient of a parameter takes a contiguous tensor of its shape, precision and device")
 
 
 _PLAIN = (torch.Tensor, torch.nn.Parameter)
