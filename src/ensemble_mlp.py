@@ -14,7 +14,6 @@ holds both against ``torch.nn.Linear`` and autograd.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -22,10 +21,9 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from src.actors.actor import GradientOf, destinations
 from src.actors.kernels import as_array, takes_kernel
 from src.ensemble_mlp_kernel import backward_kernel, descend_kernel, forward_kernel, regress_kernel
-from src.places import Places
+from src.places import GradientOf, Places, destinations
 from src.streams import Streams
 
 #: From the gradient to the outputs ``[E, B, out]``, where those of the parameters belong, and whether the input's is
@@ -49,20 +47,24 @@ def ensemble_mlp_vjp(
 ) -> tuple[Tensor, PullOutputs]:
     """:func:`ensemble_mlp` on ``[B, in]`` without autograd, and its vector-Jacobian product (as of ``torch.func.vjp``).
 
-    The second result takes the gradient to the outputs and fills those of the parameters, before any of them changes.
+    The second result takes the gradient to the outputs and fills those of the parameters that ``gradient_of`` holds,
+    before any of them changes.
     """
     if _takes_kernel(x, parameters[0]):
         networks = places.once(_networks, parameters)
         hidden = _fused_forward(x, networks, final_relu, keep=True)
-        pull: Callable[..., Tensor | None] = partial(_fused_pull, hidden, networks, final_relu)
+
+        def pull(to_outputs: Tensor, gradient_of: GradientOf, to_input: bool) -> Tensor | None:
+            to = places.once(_gradients, parameters, gradient_of)
+            return _fused_pull(hidden, networks, final_relu, to_outputs, to, to_input)
+
     else:
         hidden = _forward(x, parameters, final_relu)
-        pull = partial(_pull, hidden, parameters, final_relu)
 
-    def fill(to_outputs: Tensor, gradient_of: GradientOf, to_input: bool) -> Tensor | None:
-        return pull(to_outputs, places.once(_gradients, parameters, gradient_of), to_input)
+        def pull(to_outputs: Tensor, gradient_of: GradientOf, to_input: bool) -> Tensor | None:
+            return _pull(hidden, parameters, final_relu, to_outputs, destinations(parameters, gradient_of), to_input)
 
-    return hidden[-1], fill
+    return hidden[-1], pull
 
 
 def _forward(x: Tensor, parameters: Sequence[Tensor], final_relu: bool) -> list[Tensor]:
@@ -83,11 +85,11 @@ def _pull(
     parameters: Sequence[Tensor],
     final_relu: bool,
     g: Tensor,
-    to: _Gradients,
+    gradients: Sequence[Tensor],
     to_input: bool,
 ) -> Tensor | None:
     """The gradients of :func:`_forward` on ``[B, in]``."""
-    weights, gradients = parameters[0::2], to.gradients
+    weights = parameters[0::2]
     for k in reversed(range(len(weights))):
         if final_relu or k < len(weights) - 1:
             g = torch.ops.aten.threshold_backward(g, hidden[k + 1], 0)
@@ -112,7 +114,7 @@ class _Networks(NamedTuple):
 
     ensemble: int  # E
     sizes: np.ndarray  # of the layers, input first
-    parameters: list[Tensor]  # contiguous
+    parameters: list[Tensor]  # contiguous; they keep alive what lies at the addresses
     addresses: np.ndarray  # of the parameters
     copied: bool  # some are copies, since a parameter is not contiguous
 
@@ -126,17 +128,18 @@ def _networks(parameters: Sequence[Tensor]) -> _Networks:
     shapes = [[*p.shape] for p in parameters]
     ensemble, *sizes = shapes[0][:1] + [shapes[0][1]] + [shape[-1] for shape in shapes[1::2]]
     expected = [shape for n_in, n_out in pairwise(sizes) for shape in ([ensemble, n_in, n_out], [ensemble, 1, n_out])]
-    if shapes != expected or any(p.dtype != torch.float32 for p in parameters):
-        raise ValueError(f"parameters that do not fit each other: {shapes}")
+    if shapes != expected or not all(takes_kernel(p) for p in parameters):
+        told = ", ".join(f"{[*p.shape]} {p.dtype} on {p.device}" for p in parameters)
+        raise ValueError(f"parameters that do not fit each other: {told}")
     copied = not all(p.is_contiguous() for p in parameters)
-    contiguous = [p.contiguous() for p in parameters]
+    contiguous = [p.detach().contiguous() for p in parameters]  # not the parameters: those may be given other data
     return _Networks(ensemble, np.array(sizes, np.int64), contiguous, _addresses(contiguous), copied)
 
 
 class _Gradients(NamedTuple):
-    """Where the gradients of the parameters belong."""
+    """Where the gradients of the parameters belong, for the kernels."""
 
-    gradients: list[Tensor]
+    gradients: list[Tensor]  # read by nobody: they keep alive what lies at the addresses
     addresses: np.ndarray
 
 
@@ -163,8 +166,9 @@ def _fused_pull(
     hidden: Sequence[Tensor], networks: _Networks, final_relu: bool, g: Tensor, to: _Gradients, to_input: bool
 ) -> Tensor | None:
     """The gradients of :func:`_fused_forward`."""
-    if g.shape != hidden[-1].shape or g.dtype != hidden[-1].dtype:
-        raise ValueError(f"the outputs are {[*hidden[-1].shape]}, the gradient to them {[*g.shape]}, {g.dtype}")
+    if g.shape != hidden[-1].shape or not takes_kernel(g):
+        found = f"{[*g.shape]}, {g.dtype}, {g.device}"
+        raise ValueError(f"the outputs are {[*hidden[-1].shape]}, float32 on the CPU, the gradient to them {found}")
     g, x = g.contiguous(), hidden[0]
     g_input = torch.empty_like(x) if to_input else None
     addresses = (networks.addresses, _addresses(hidden), g.data_ptr(), final_relu, to.addresses)
@@ -174,11 +178,13 @@ def _fused_pull(
 
 
 @torch.no_grad()
-def _regression(x: Tensor, target: Tensor, parameters: Sequence[Tensor], to: _Gradients) -> tuple[Tensor, Tensor]:
+def _regression(
+    x: Tensor, target: Tensor, parameters: Sequence[Tensor], gradients: Sequence[Tensor]
+) -> tuple[Tensor, Tensor]:
     """:meth:`EnsembleMLP.regress` in PyTorch's operators."""
     hidden = _forward(x, parameters, final_relu=False)
     error = hidden[-1].squeeze(-1) - target
-    _pull(hidden, parameters, False, (error * (2.0 / x.shape[0])).unsqueeze(-1), to, to_input=False)
+    _pull(hidden, parameters, False, (error * (2.0 / x.shape[0])).unsqueeze(-1), gradients, to_input=False)
     return hidden[-1].squeeze(-1), error.square().sum() / x.shape[0]
 
 
@@ -186,7 +192,7 @@ def _fused_regression(x: Tensor, target: Tensor, networks: _Networks, to: _Gradi
     """:meth:`EnsembleMLP.regress` in one call."""
     networks.check(x)
     x, shape = x.contiguous(), (networks.ensemble, x.shape[0])
-    outputs, loss = torch.empty(shape), torch.empty(1)
+    outputs, loss = x.new_empty(shape), x.new_empty(1)
     addresses = (networks.addresses, x.data_ptr(), to.addresses)
     regress_kernel()(*shape, networks.sizes, *addresses, as_array(target), outputs.numpy(), loss.numpy())
     return outputs, loss[0]
@@ -210,7 +216,7 @@ def _fused_smallest_output_gradient(
     """:meth:`EnsembleMLP.smallest_output_gradient` in one call; the first networks come first in memory."""
     networks.check(x)
     batch = x.shape[0]
-    outputs, gradient = torch.empty(members, batch), torch.empty(batch, x.shape[1] - split)
+    outputs, gradient = x.new_empty(members, batch), x.new_empty(batch, x.shape[1] - split)
     columns = (gradient.data_ptr(), split, x.shape[1])
     addresses = (networks.addresses, x.data_ptr())
     descend_kernel()(members, batch, networks.sizes, *addresses, scale, outputs.numpy(), *columns)
@@ -264,17 +270,19 @@ class EnsembleMLP(nn.Module):
         Args:
             x: input ``[B, in]``.
             target: ``[B]``, common to all networks.
-            gradient_of: where the gradients of the parameters belong; filled.
+            gradient_of: where the gradients of the parameters belong; filled. A parameter that is not in it is fixed.
 
         Returns:
             The outputs ``[E, B]``, and ``sum over E of mean over B of (output - target)^2``.
         """
         if self.parameter_pairs[-1].shape[2] != 1 or target.shape != x.shape[:1]:
             raise ValueError("a regression takes networks with one output and a target [B]")
-        to = self.places.once(_gradients, self.parameter_pairs, gradient_of)
+        if not any(parameter in gradient_of for parameter in self.parameter_pairs):
+            raise ValueError("a regression takes places for the gradients of these networks, not of others")
         if _takes_kernel(x, self.parameter_pairs[0]):
+            to = self.places.once(_gradients, self.parameter_pairs, gradient_of)
             return _fused_regression(x, target, self.places.once(_networks, self.parameter_pairs), to)
-        return _regression(x, target, self.parameter_pairs, to)
+        return _regression(x, target, self.parameter_pairs, destinations(self.parameter_pairs, gradient_of))
 
     @torch.no_grad()
     def smallest_output_gradient(

@@ -6,13 +6,32 @@ it is the same at each call of a burst of updates.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from typing import Any, TypeVar
 
-from torch import nn
+import torch
+from torch import Tensor, nn
 
 T = TypeVar("T")
+#: Where the gradient of each parameter that learns belongs: contiguous, of its shape, precision and device.
+GradientOf = Mapping[nn.Parameter, Tensor]
+
+
+def destinations(parameters: Sequence[Tensor], gradient_of: GradientOf) -> list[Tensor]:
+    """Where the gradient of each parameter belongs; a place to forget it for one that does not learn.
+
+    Raises:
+        ValueError: a place that is not like its parameter, or not contiguous: kernels write to its address.
+    """
+    places = [
+        gradient_of[p] if p in gradient_of else torch.empty(p.shape, dtype=p.dtype, device=p.device)  # type: ignore[index]
+        for p in parameters
+    ]
+    for g, p in zip(places, parameters):
+        if g.shape != p.shape or g.dtype != p.dtype or g.device != p.device or not g.is_contiguous():
+            raise ValueError("the gradient of a parameter takes a contiguous tensor of its shape, precision and device")
+    return places
 
 
 class Places:
@@ -58,7 +77,7 @@ def fixed_places(*modules: nn.Module) -> Iterator[None]:
     with ExitStack() as stack:
         for module in modules:
             for part in module.modules():
-                places = vars(part).get("places")
+                places = getattr(part, "places", None)
                 if isinstance(places, Places):
                     stack.enter_context(places.fixed())
         yield

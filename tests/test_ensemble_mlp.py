@@ -215,6 +215,29 @@ def test_wrong_shapes_are_refused_and_not_read_beyond_their_end(network: Ensembl
         critic.regress(torch.randn(4, 5), torch.randn(4), places(critic) | {critic.biases[0]: torch.empty(1)})
 
 
+def test_a_gradient_on_another_device_and_places_of_other_networks_are_refused(network: EnsembleMLP) -> None:
+    _, pull = network.vjp(torch.randn(4, 5))
+    with pytest.raises(ValueError, match=r"the gradient to them .*, torch.float32, meta"):
+        pull(torch.empty(2, 4, 3, device="meta"), places(network), False)
+    critic, other = (EnsembleMLP([5, 8, 1], 2, Streams(seed), "test") for seed in (0, 1))
+    with pytest.raises(ValueError, match="not of others"):
+        critic.regress(torch.randn(4, 5), torch.randn(4), places(other))
+
+
+def test_the_gradient_survives_that_parameters_move(network: EnsembleMLP) -> None:
+    """As wrappers move them: the kernels take addresses."""
+    x, g = torch.randn(4, 5), torch.randn(2, 4, 3)
+    expected, found = places(network), places(network)
+    network.vjp(x)[1](g, expected, False)
+    _, pull = network.vjp(x)
+    for parameter in network.parameter_pairs:
+        parameter.data = parameter.data.clone()
+    junk = [torch.full(p.shape, torch.nan) for p in network.parameter_pairs for _ in range(40)]
+    pull(g, found, False)
+    assert len(junk) == 240
+    assert all(torch.equal(found[p], expected[p]) for p in network.parameter_pairs)
+
+
 def test_what_is_not_a_number_is_not_hidden_by_a_relu(network: EnsembleMLP) -> None:
     y, pull = network.vjp(torch.full((4, 5), torch.nan))
     assert y.isnan().all()

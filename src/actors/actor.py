@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 
@@ -11,10 +11,8 @@ from torch import Tensor, nn
 
 from src.actors.health import NOTHING_SPIKES, ActorHealth
 from src.actors.population_encoder import PopulationEncoder
-from src.places import fixed_places
+from src.places import GradientOf, fixed_places
 
-#: Where the gradient of each parameter that learns belongs: contiguous, of its shape and precision.
-GradientOf = Mapping[nn.Parameter, Tensor]
 #: From the gradient to the raw action ``[B, M]`` to those of the parameters, filled.
 Pull = Callable[[Tensor, GradientOf], None]
 
@@ -91,19 +89,3 @@ class Actor(nn.Module):
     def connection_count(self) -> int:
         """Learnable numbers; of a dendritic layer each unmasked synapse once."""
         return sum(parameter.numel() for parameter in self.parameters() if parameter.requires_grad)
-
-
-def destinations(parameters: Sequence[Tensor], gradient_of: GradientOf) -> list[Tensor]:
-    """Where the gradient of each parameter belongs; a place to forget it for one that does not learn.
-
-    Raises:
-        ValueError: a place that is not like its parameter, or not contiguous: kernels write to its address.
-    """
-    places = [
-        gradient_of[p] if p in gradient_of else torch.empty(p.shape, dtype=p.dtype, device=p.device)  # type: ignore[index]
-        for p in parameters
-    ]
-    for g, p in zip(places, parameters):
-        if g.shape != p.shape or g.dtype != p.dtype or g.device != p.device or not g.is_contiguous():
-            raise ValueError("the gradient of a parameter takes a contiguous tensor of its shape, precision and device")
-    return places

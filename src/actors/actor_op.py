@@ -15,7 +15,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from src.actors.actor import GradientOf, destinations
 from src.actors.decoder import decode
 from src.actors.health import Trace
 from src.actors.kernels import takes_kernel
@@ -23,6 +22,7 @@ from src.actors.lif_cpu import offsets_array
 from src.actors.lif_kernel import network_backward_kernel, network_forward_kernel
 from src.actors.population_encoder import receptive_field_gradients, receptive_fields
 from src.actors.spiking_network import Network, Weights
+from src.places import GradientOf, destinations
 
 _FLOAT = 4  # bytes
 _LINE = 16  # floats of a cache line, at which each part of what the layers did begins
@@ -72,7 +72,7 @@ def fused_actor(
     spikes = encoder.encode(strength.flatten(1), generator).contiguous()
     steps, samples, _ = spikes.shape
     layout = _layout(spikes.shape, weights.shapes, len(network.offsets), decoder.weight.numel(), keep)
-    block, rates = torch.empty(layout.floats), torch.empty(samples, *decoder.weight.shape)
+    block, rates = observation.new_empty(layout.floats), observation.new_empty(samples, *decoder.weight.shape)
     network_forward_kernel()(
         spikes.data_ptr(),
         steps,
@@ -141,14 +141,14 @@ def fused_gradient(network: Network, done: Pass, to_raw: Tensor, gradient_of: Gr
         gradient_of: where those of the parameters belong.
     """
     if to_raw.shape != done.raw.shape or not takes_kernel(to_raw):
-        found = f"{[*to_raw.shape]}, {to_raw.dtype}"
-        raise ValueError(f"the raw action is {[*done.raw.shape]}, float32, the gradient to it {found}")
+        found = f"{[*to_raw.shape]}, {to_raw.dtype}, {to_raw.device}"
+        raise ValueError(f"the raw action is {[*done.raw.shape]}, float32 on the CPU, the gradient to it {found}")
     to = network.places.once(_destinations, network, gradient_of)
     torch.sum(to_raw.unsqueeze(-1) * done.rates, 0, out=to.weight)
     torch.sum(to_raw, 0, out=to.bias)
     steps, samples, inputs = done.spikes.shape
     to_raw, decoder = to_raw.contiguous(), network.decoder.weight.contiguous()
-    to_strength = torch.empty(samples if to.encoder is not None else 0, inputs)
+    to_strength = to_raw.new_empty(samples if to.encoder is not None else 0, inputs)
     network_backward_kernel()(
         to_raw.data_ptr(),
         decoder.data_ptr(),
@@ -181,7 +181,7 @@ class _Destinations(NamedTuple):
 
     weight: Tensor  # of the decoder
     bias: Tensor
-    layers: list[list[Tensor]]  # of weight, bias and lateral weights [K, n]
+    layers: list[list[Tensor]]  # of weight, bias and lateral weights [K, n]; read by nobody: keeps them alive
     table: np.ndarray  # their addresses
     shared_lateral: list[tuple[Tensor, Tensor]]  # [K, n], to be summed to [K]
     encoder: list[Tensor] | None  # of mean and sigma, where one of them learns
@@ -194,11 +194,11 @@ def _destinations(network: Network, gradient_of: GradientOf) -> _Destinations:
     for synapse, lateral in network.layers:
         places = destinations([synapse.weight, synapse.bias], gradient_of)
         if lateral is None:
-            places.append(torch.empty(0, len(synapse.weight)))
+            places.append(synapse.weight.new_empty(0))
         elif lateral.weight.dim() == 2:
             places += destinations([lateral.weight], gradient_of)
         else:
-            places.append(torch.empty(len(lateral.weight), len(synapse.weight)))
+            places.append(lateral.weight.new_empty(len(lateral.weight), len(synapse.weight)))
             shared.append((places[-1], destinations([lateral.weight], gradient_of)[0]))
         layers.append(places)
     table = np.array([[place.data_ptr() for place in places] for places in layers], np.int64)

@@ -1,8 +1,8 @@
 """Compiling Numba kernels: one signature each, on first use, cached on disk where that is possible.
 
 Numba watches only the source file of the function it compiles: what a kernel calls must stand in the kernel's file,
-or an old cache would outlive a change. Not so the pointers below and the product of :mod:`src.blas`: who changes what
-they do gives them another name.
+or an old cache would outlive a change. Not so the pointers and :func:`disjoint` below and the product of
+:mod:`src.blas`: who changes what they do gives them another name.
 """
 
 from __future__ import annotations

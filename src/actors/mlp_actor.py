@@ -5,11 +5,11 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from src.actors.actor import Actor, GradientOf, Pull
+from src.actors.actor import Actor, Pull
 from src.actors.health import NOTHING_SPIKES, ActorHealth
 from src.config import MLPActorConfig
 from src.ensemble_mlp import EnsembleMLP, ensemble_mlp, ensemble_mlp_vjp
-from src.places import Places
+from src.places import GradientOf, Places
 from src.streams import Streams
 
 

@@ -103,7 +103,7 @@ def receptive_fields(observation: Tensor, mean: Tensor, std: Tensor) -> tuple[Te
         found = f"{[*observation.shape]} and sigma {[*std.shape]}"
         raise ValueError(f"an encoder of {[*mean.shape]} takes observations [B, {mean.shape[0]}], not {found}")
     shape, parts = (*observation.shape, mean.shape[1]), (observation.contiguous(), mean.contiguous(), std.contiguous())
-    distance, exponent = torch.empty(shape), torch.empty(shape)
+    distance, exponent = observation.new_empty(shape), observation.new_empty(shape)
     exponent_kernel()(*shape, *(x.data_ptr() for x in (*parts, distance, exponent)))
     strength = exponent.exp_()
     underflow_kernel()(strength.numel(), strength.data_ptr())

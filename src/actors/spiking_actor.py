@@ -28,7 +28,7 @@ from src.actors.spiking_layer import SpikingLayer
 from src.actors.spiking_network import Network
 from src.actors.synapse import Encoded
 from src.config import EncoderConfig, SpikingActorConfig
-from src.places import fixed_places
+from src.places import Places, fixed_places
 from src.streams import Streams
 
 
@@ -82,7 +82,11 @@ class SpikingActor(Actor):
             self.layers.append(layer)
         self.decoder = PopulationDecoder(action_size, config.output_population, initialiser.at("decoder"))
         self._network = Network(self.encoder, self.spiking_layers(), self.decoder)
-        self.places = self._network.places
+
+    @property
+    def places(self) -> Places:
+        """What is known of where its parameters lie."""
+        return self._network.places
 
     def forward(self, observation: Tensor, generator: torch.Generator | None = None) -> Tensor:
         """Raw action ``[B, M]``; raises ValueError when Poisson coding has no generator."""

@@ -18,7 +18,8 @@ from src.places import Places
 
 class Network:
     """The parts of a spiking actor, at hand, since a module takes its time to find one. Who replaces a module makes a
-    network of the new ones; parameters are looked up at each pass.
+    network of the new ones. Parameters are looked up at each pass, and once within
+    :func:`src.places.fixed_places`.
     """
 
     def __init__(self, encoder: PopulationEncoder, layers: Sequence[SpikingLayer], decoder: PopulationDecoder) -> None:
@@ -58,8 +59,7 @@ class Network:
             across = None if lateral is None else lateral().detach().contiguous()
             layers.append(Layer(weight, bias, across, branch, matrix, synapse.branches))
             copied |= weight.data_ptr() != synapse.weight.data_ptr() or bias.data_ptr() != synapse.bias.data_ptr()
-            copied |= lateral is not None and across is not None and lateral.weight.shape != across.shape
-            copied |= lateral is not None and not lateral.weight.is_contiguous()
+            copied |= across is not None and lateral is not None and across.data_ptr() != lateral.weight.data_ptr()
         shapes = tuple(
             (x.weight.shape, x.bias.shape, None if x.lateral is None else x.lateral.shape, x.branches) for x in layers
         )
@@ -95,4 +95,4 @@ class Weights(NamedTuple):
     layers: list[Layer]  # read by nobody: they keep alive what the table has the addresses of
     shapes: tuple[tuple[torch.Size, torch.Size, torch.Size | None, int], ...]  # weight, bias, lateral weights; d
     table: np.ndarray  # as the kernels take it
-    copied: bool  # some are copies, since a parameter is not contiguous, or shared by the neurons
+    copied: bool  # some are copies, since a parameter is not contiguous, made of another, or shared by the neurons

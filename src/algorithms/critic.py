@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import torch
 from torch import Tensor, nn
 
 from src.ensemble_mlp import EnsembleMLP
+from src.places import GradientOf
 from src.streams import Streams
 
 
@@ -38,10 +39,8 @@ class TwinCritic(nn.Module):
         """
         return self.networks.smallest_output_gradient(observation, action, -1.0 / len(action), members)
 
-    def regress(
-        self, inputs: Tensor, target: Tensor, gradient_of: Mapping[nn.Parameter, Tensor]
-    ) -> tuple[Tensor, Tensor]:
-        """One regression step by hand instead of by autograd: fills the gradient of every parameter.
+    def regress(self, inputs: Tensor, target: Tensor, gradient_of: GradientOf) -> tuple[Tensor, Tensor]:
+        """One regression step by hand instead of by autograd: fills the gradients that ``gradient_of`` holds.
 
         Returns the values ``[2, B]`` of ``inputs``, observation and action ``[B, N + M]``, and the loss of
         :func:`src.algorithms.td3.critic_loss` to the target ``[B]``.

@@ -11,12 +11,13 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from src.actors.actor import Actor, GradientOf
+from src.actors.actor import Actor
 from src.actors.health import NOTHING_SPIKES, ActorHealth
 from src.actors.mlp_actor import MLPActor
 from src.algorithms import sac
 from src.algorithms.policy import LogStdNetwork
 from src.ensemble_mlp import EnsembleMLP
+from src.places import GradientOf
 
 
 class Sample(NamedTuple):

@@ -7,8 +7,9 @@ import math
 import torch
 from torch import Tensor
 
-from src.actors.actor import Actor, GradientOf
+from src.actors.actor import Actor
 from src.actors.health import ActorHealth
+from src.places import GradientOf
 
 METRICS = ("critic_loss", "actor_loss", "q1", "q2", "log_probability", "actor_gradient_norm")
 

@@ -8,9 +8,10 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from src.actors.actor import Actor, GradientOf, Pull
+from src.actors.actor import Actor, Pull
 from src.actors.health import ActorHealth
 from src.ensemble_mlp import EnsembleMLP
+from src.places import GradientOf
 from src.streams import Streams
 
 

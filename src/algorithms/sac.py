@@ -79,7 +79,7 @@ def _fused_tanh_gaussian(
 ) -> tuple[Tensor, Tensor, PullSample]:
     """Some thirty small operators in a kernel."""
     shape = samples, _ = mean.shape
-    action, log_probability, kept = torch.empty(shape), torch.empty(samples), torch.empty(2, *shape)
+    action, log_probability, kept = mean.new_empty(shape), mean.new_empty(samples), mean.new_empty(2, *shape)
     mean, log_std, noise = mean.contiguous(), log_std.contiguous(), noise.contiguous()
     outputs = (action.data_ptr(), log_probability.data_ptr(), kept.data_ptr())
     sample_kernel()(*shape, mean.data_ptr(), log_std.data_ptr(), noise.data_ptr(), *bounds, *outputs)
@@ -88,9 +88,10 @@ def _fused_tanh_gaussian(
         if to_action.shape != action.shape or to_log_probability.shape != log_probability.shape:
             raise ValueError(f"a sample is {[*action.shape]}, the gradient to it {[*to_action.shape]}")
         if not (takes_kernel(to_action) and takes_kernel(to_log_probability)):
-            raise ValueError(f"a sample is float32, the gradient to it {to_action.dtype}, {to_log_probability.dtype}")
+            found = ", ".join(f"{x.dtype} on {x.device}" for x in (to_action, to_log_probability))
+            raise ValueError(f"a sample is float32 on the CPU, the gradient to it {found}")
         to_action, to_log_probability = to_action.contiguous(), to_log_probability.contiguous()
-        to_mean, to_log_std = torch.empty(shape), torch.empty(shape)
+        to_mean, to_log_std = mean.new_empty(shape), mean.new_empty(shape)
         inputs = (to_action.data_ptr(), to_log_probability.data_ptr(), log_std.data_ptr())
         gradient_kernel()(*shape, *inputs, *bounds, kept.data_ptr(), to_mean.data_ptr(), to_log_std.data_ptr())
         return to_mean, to_log_std

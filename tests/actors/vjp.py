@@ -7,7 +7,9 @@ import torch
 
 def places(actor):
     """Where gradients go; what is not filled shows."""
-    return {parameter: torch.full(parameter.shape, torch.nan) for parameter in actor.parameters()}
+    return {
+        parameter: torch.full(parameter.shape, torch.nan, dtype=parameter.dtype) for parameter in actor.parameters()
+    }
 
 
 def gradients(actor, observation, to_raw):
