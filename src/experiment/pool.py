@@ -117,6 +117,8 @@ class Pool:
             return
         self._jobs.append(job)
         self._display.started(cell)
+        if self._interrupts:  # while it was being started
+            job.process.terminate()
 
     def _end(self, job: Job) -> Ending:
         code = job.process.returncode
@@ -124,6 +126,8 @@ class Pool:
         if killed is not None:
             record_death(job.cell, killed)
         end = ending(job.cell, killed)
+        if code < 0 and killed is None and end.state == "not finished":  # by our signal, before it could say so
+            end = end._replace(state="interrupted", why="")
         if code == BUSY:
             end = end._replace(state="busy", why="another launcher's process holds it")
         elif code == REFUSED:

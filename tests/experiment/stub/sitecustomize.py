@@ -1,7 +1,8 @@
 """Put on PYTHONPATH by tests: a trainer that only pretends, in every process that they start.
 
 ``STUB`` is JSON: what a run does by its seed ("raise", "exit", "kill", "hang", "hang in native code", "enospc",
-"diverge"), and "sleep", seconds per 500 steps. torch can't be imported: neither the parent nor the rim needs it.
+"diverge"), "sleep", seconds per 500 steps, and "importing", seconds before a job can take a signal. torch can't be
+imported: neither the parent nor the rim needs it.
 """
 
 import ctypes
@@ -76,3 +77,5 @@ if "STUB" in os.environ:
     package.session = session
     session.train, session.shrink_state = train, shrink_state
     sys.modules |= {"src.training": package, "src.training.session": session}
+    if "src.job" in sys.orig_argv:
+        time.sleep(json.loads(os.environ["STUB"]).get("importing", 0))
