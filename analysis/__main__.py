@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from analysis.errors import InputError
+from analysis.data.errors import InputError
 
 EPILOG = """examples:
   python -m analysis report results/paper              everything; prints the path of the page
@@ -20,7 +20,7 @@ how-to."""
 
 
 def _collect(options: argparse.Namespace) -> None:
-    from analysis.collected import collect
+    from analysis.data.collected import collect
 
     study = collect(options.study)
     counts = study.runs["counts_as"].value_counts()
@@ -33,7 +33,7 @@ def _collect(options: argparse.Namespace) -> None:
 
 
 def _figures(options: argparse.Namespace) -> None:
-    from analysis.collected import load
+    from analysis.data.collected import load
     from analysis.figures import build
 
     drawings = build(load(options.study), options.study, options.claims)
@@ -41,7 +41,7 @@ def _figures(options: argparse.Namespace) -> None:
 
 
 def _statistics(options: argparse.Namespace) -> None:
-    from analysis.collected import load
+    from analysis.data.collected import load
     from analysis.statistics import build
 
     tables = build(load(options.study), options.study, options.claims)

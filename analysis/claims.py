@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.cells import Cell, select
 from analysis.claims_file import Claim, Claims
+from analysis.data.cells import Cell, select
+from analysis.data.confounds import unequal_settings
+from analysis.data.names import actor_name, algorithm_name, task_name
+from analysis.data.study import Study
 from analysis.improvement import improvement_with_interval
 from analysis.metrics import hedges_g
-from analysis.names import actor_name, algorithm_name, task_name
-from analysis.settings import unequal_settings
-from analysis.study import Study
 from analysis.tests_of_claims import Contrast, holm, seeds_for_power, verdict, welch_contrast
 
 Array = NDArray[np.float64]

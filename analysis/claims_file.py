@@ -8,7 +8,7 @@ from typing import Any
 
 import yaml
 
-from analysis.errors import InputError
+from analysis.data.errors import InputError
 from analysis.tests_of_claims import MINIMUM_SEEDS
 
 FILE = Path(__file__).with_name("claims.yaml")

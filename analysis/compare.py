@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from analysis.cells import Cell, cells_of
-from analysis.errors import InputError
-from analysis.flatten import differing_keys
+from analysis.data.cells import Cell, cells_of
+from analysis.data.errors import InputError
+from analysis.data.flatten import differing_keys
+from analysis.data.names import algorithm_name, task_name
+from analysis.data.study import Study, read_study
 from analysis.improvement import SEPARATED, improvement_with_interval
 from analysis.metrics import hedges_g
-from analysis.names import algorithm_name, task_name
-from analysis.study import Study, read_study
 from analysis.tables import Column, Table, number, p_value, pair, spread, text
 from analysis.tests_of_claims import MINIMUM_SEEDS, welch_contrast
 

@@ -12,7 +12,7 @@ import re
 import numpy as np
 import pandas as pd
 
-from analysis.study import KEYS, Study
+from analysis.data.study import KEYS, Study
 
 MEASURES = {
     "firing_rate": "firing rate",

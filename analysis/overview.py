@@ -9,8 +9,8 @@ from typing import Any
 import pandas as pd
 import yaml
 
-from analysis.names import algorithm_name, ordered_algorithms, ordered_tasks, task_name
-from analysis.study import Study, flat_configuration
+from analysis.data.names import algorithm_name, ordered_algorithms, ordered_tasks, task_name
+from analysis.data.study import Study, flat_configuration
 
 FILE = Path(__file__).with_name("paper_protocol.yaml")
 

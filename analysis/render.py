@@ -10,8 +10,8 @@ from typing import Any
 
 import jinja2
 
-from analysis.errors import InputError
-from analysis.writing import replaced_folder, write_text
+from analysis.data.errors import InputError
+from analysis.data.writing import replaced_folder, write_text
 
 SECTIONS = (
     ("figures", "Figures"),

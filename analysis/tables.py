@@ -10,7 +10,7 @@ from typing import Any
 
 import pandas as pd
 
-from analysis.writing import write_csv, write_text
+from analysis.data.writing import write_csv, write_text
 
 _LATEX = {
     "\\": r"\textbackslash{}",

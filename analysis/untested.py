@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Protocol
 
-from analysis.names import actor_name, ordered_arms, ordered_tasks, task_name
+from analysis.data.names import actor_name, ordered_arms, ordered_tasks, task_name
 
 #: In the order in which they are told; ``{arms}`` and ``{tasks}`` are lists of names.
 REASONS = {

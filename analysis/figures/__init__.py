@@ -8,8 +8,11 @@ from pathlib import Path
 
 from matplotlib import pyplot as plt
 
-from analysis.cells import cells_of
 from analysis.claims_file import FILE, read_claims
+from analysis.data.cells import cells_of
+from analysis.data.names import ordered_algorithms
+from analysis.data.study import Study
+from analysis.data.writing import replaced_folder, write_json
 from analysis.figures import (
     ablation_bars,
     final_performance,
@@ -22,10 +25,7 @@ from analysis.figures import (
     sweep_line,
 )
 from analysis.figures.drawing import Drawing
-from analysis.names import ordered_algorithms
-from analysis.study import Study
 from analysis.style import RC
-from analysis.writing import replaced_folder, write_json
 
 #: In the order of the report.
 FIGURES = (

@@ -6,11 +6,11 @@ import numpy as np
 import pandas as pd
 
 from analysis import metrics
-from analysis.cells import Cell, select
 from analysis.claims_file import Claims
+from analysis.data.cells import Cell, select
+from analysis.data.names import actor_name, algorithm_name, task_name
+from analysis.data.study import Study
 from analysis.figures.drawing import Drawing
-from analysis.names import actor_name, algorithm_name, task_name
-from analysis.study import Study
 from analysis.style import looks, panels
 
 ARMS = ("bptsan_wo_ndt", "bptsan", "bptsan_wo_li")  # the paper's order

@@ -12,7 +12,7 @@ import pandas as pd
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
-from analysis.writing import write_bytes, write_csv
+from analysis.data.writing import write_bytes, write_csv
 
 #: Nothing in these depends on the clock or on this program's version.
 _METADATA: dict[str, dict[str, Any]] = {

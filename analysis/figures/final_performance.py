@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from analysis.cells import Cell, select
 from analysis.claims_file import Claims
+from analysis.data.cells import Cell, select
+from analysis.data.names import actor_name, algorithm_name, ordered_arms, task_name
+from analysis.data.study import Study
 from analysis.figures.drawing import Drawing
-from analysis.names import actor_name, algorithm_name, ordered_arms, task_name
-from analysis.study import Study
 from analysis.style import looks, panels
 from analysis.tests_of_claims import MINIMUM_SEEDS, t_interval
 

@@ -7,12 +7,12 @@ import pandas as pd
 from matplotlib.ticker import MaxNLocator
 
 from analysis import bootstrap
-from analysis.cells import Cell
 from analysis.claims_file import Claims
+from analysis.data.cells import Cell
+from analysis.data.names import actor_name, algorithm_name, task_name
+from analysis.data.study import Study
 from analysis.figures.drawing import Drawing
-from analysis.names import actor_name, algorithm_name, task_name
 from analysis.statistics.aggregates import METRICS, complete_arms, left_out, table, tasks_of
-from analysis.study import Study
 from analysis.style import looks, panels
 
 

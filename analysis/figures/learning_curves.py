@@ -7,11 +7,11 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from analysis import metrics
-from analysis.cells import Cell, select
 from analysis.claims_file import Claims
+from analysis.data.cells import Cell, select
+from analysis.data.names import actor_name, algorithm_name, task_name
+from analysis.data.study import Study
 from analysis.figures.drawing import Drawing
-from analysis.names import actor_name, algorithm_name, task_name
-from analysis.study import Study
 from analysis.style import Look, legend_below, looks, panels, step_axis
 
 MAIN = ("aan", "popsan", "bptsan")

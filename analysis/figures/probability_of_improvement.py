@@ -6,13 +6,13 @@ import numpy as np
 import pandas as pd
 
 from analysis import bootstrap
-from analysis.cells import Cell, select
 from analysis.claims_file import Claim, Claims
+from analysis.data.cells import Cell, select
+from analysis.data.confounds import unequal_settings
+from analysis.data.names import actor_name, algorithm_name, task_name
+from analysis.data.study import Study
 from analysis.figures.drawing import Drawing
 from analysis.improvement import SEPARATED, improvement_with_interval
-from analysis.names import actor_name, algorithm_name, task_name
-from analysis.settings import unequal_settings
-from analysis.study import Study
 from analysis.style import panels
 
 

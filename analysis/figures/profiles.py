@@ -6,12 +6,12 @@ import numpy as np
 import pandas as pd
 
 from analysis import bootstrap
-from analysis.cells import Cell
 from analysis.claims_file import Claims
+from analysis.data.cells import Cell
+from analysis.data.names import actor_name, algorithm_name, task_name
+from analysis.data.study import Study
 from analysis.figures.drawing import Drawing
-from analysis.names import actor_name, algorithm_name, task_name
 from analysis.statistics.aggregates import complete_arms, left_out, scores_of, tasks_of
-from analysis.study import Study
 from analysis.style import legend_below, looks, panels
 from analysis.tests_of_claims import MINIMUM_SEEDS
 

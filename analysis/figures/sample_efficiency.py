@@ -6,13 +6,13 @@ import numpy as np
 import pandas as pd
 
 from analysis import bootstrap
-from analysis.cells import Cell, select
 from analysis.claims_file import Claims
+from analysis.data.cells import Cell, select
+from analysis.data.names import actor_name, algorithm_name, task_name
+from analysis.data.study import Study
 from analysis.figures.drawing import Drawing
-from analysis.names import actor_name, algorithm_name, task_name
 from analysis.references import normalised
 from analysis.statistics.aggregates import complete_arms, left_out, tasks_of
-from analysis.study import Study
 from analysis.style import legend_below, looks, panels, step_axis
 from analysis.tests_of_claims import MINIMUM_SEEDS
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import pandas as pd
 from matplotlib import pyplot as plt
 
-from analysis.cells import Cell
 from analysis.claims_file import Claims
+from analysis.data.cells import Cell
+from analysis.data.names import actor_name, algorithm_name, ordered_arms, ordered_tasks, task_name
+from analysis.data.study import Study
 from analysis.figures.drawing import Drawing
 from analysis.health import MEASURES, over_training
-from analysis.names import actor_name, algorithm_name, ordered_arms, ordered_tasks, task_name
-from analysis.study import Study
 from analysis.style import looks, step_axis
 
 _SHORT = {

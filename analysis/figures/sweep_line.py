@@ -8,11 +8,11 @@ import json
 
 import pandas as pd
 
-from analysis.cells import Cell, select
 from analysis.claims_file import Claims
+from analysis.data.cells import Cell, select
+from analysis.data.names import actor_name, algorithm_name, task_name
+from analysis.data.study import Study, flat_configuration
 from analysis.figures.drawing import Drawing
-from analysis.names import actor_name, algorithm_name, task_name
-from analysis.study import Study, flat_configuration
 from analysis.style import looks, panels
 from analysis.tests_of_claims import t_interval
 

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from analysis.cells import cells_of
 from analysis.claims import decide, overall
 from analysis.claims_file import FILE, read_claims
+from analysis.data.cells import cells_of
+from analysis.data.study import Study
+from analysis.data.writing import replaced_folder, write_json
 from analysis.health import saturated
 from analysis.overview import overview
 from analysis.statistics import aggregates, cost, performance, provenance, verdicts
 from analysis.statistics.notes import notes
-from analysis.study import Study
 from analysis.tables import Table
-from analysis.writing import replaced_folder, write_json
 
 
 def build(study: Study, folder: Path, claims_path: Path = FILE) -> list[Table]:

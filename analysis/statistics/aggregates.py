@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 
 from analysis import bootstrap
-from analysis.cells import Cell, select
 from analysis.claims_file import Claims
-from analysis.names import actor_name, algorithm_name, ordered, ordered_arms, task_name
+from analysis.data.cells import Cell, select
+from analysis.data.names import actor_name, algorithm_name, ordered, ordered_arms, task_name
 from analysis.references import normalised, references, scale
 from analysis.tables import Column, Table, pair, text
 from analysis.tests_of_claims import MINIMUM_SEEDS

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from analysis.data.names import actor_name, algorithm_name, ordered_algorithms, ordered_arms, ordered_tasks, task_name
+from analysis.data.study import Study
 from analysis.energy import ASSUMPTIONS, Cost, cost_of
 from analysis.health import MEASURES, final_health, late
-from analysis.names import actor_name, algorithm_name, ordered_algorithms, ordered_arms, ordered_tasks, task_name
-from analysis.study import Study
 from analysis.tables import Column, Table, number, text
 
 _WHERE: list[Column] = [("algorithm", "Algorithm", text), ("task", "Task", text), ("actor", "Actor", text)]

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from analysis.cells import Cell
 from analysis.claims_file import Claims
-from analysis.names import actor_name, algorithm_name, task_name
+from analysis.data.cells import Cell
+from analysis.data.confounds import unequal_settings
+from analysis.data.names import actor_name, algorithm_name, task_name
+from analysis.data.study import Study
 from analysis.references import scale
-from analysis.settings import unequal_settings
-from analysis.study import Study
 
 MOST = 5
 

@@ -7,9 +7,9 @@ import pandas as pd
 
 from analysis import metrics
 from analysis.bootstrap import FEW_SEEDS, NOTHING_TRIMMED, interval, iqm, point
-from analysis.cells import Cell, select
 from analysis.claims_file import Claims
-from analysis.names import ACTORS, actor_name, algorithm_name, ordered_arms, ordered_tasks, task_name
+from analysis.data.cells import Cell, select
+from analysis.data.names import ACTORS, actor_name, algorithm_name, ordered_arms, ordered_tasks, task_name
 from analysis.references import references
 from analysis.tables import Column, Table, number, pair, spread, text
 from analysis.tests_of_claims import MINIMUM_SEEDS, t_interval

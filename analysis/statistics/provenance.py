@@ -6,8 +6,8 @@ import json
 
 import pandas as pd
 
-from analysis.names import actor_name, algorithm_name, task_name
-from analysis.study import Study
+from analysis.data.names import actor_name, algorithm_name, task_name
+from analysis.data.study import Study
 from analysis.tables import Column, Table, number, text
 
 _WHERE: list[Column] = [("algorithm", "Algorithm", text), ("task", "Task", text), ("actor", "Actor", text)]

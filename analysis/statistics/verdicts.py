@@ -10,8 +10,8 @@ import pandas as pd
 from analysis.bootstrap import FEW_SEEDS
 from analysis.claims import Overall, Row
 from analysis.claims_file import Claims
+from analysis.data.names import actor_name, algorithm_name, task_name
 from analysis.improvement import SEPARATED
-from analysis.names import actor_name, algorithm_name, task_name
 from analysis.tables import Column, Table, number, p_value, pair, text
 from analysis.tests_of_claims import detectable_effect
 from analysis.untested import summary

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from analysis.cells import cells_of
 from analysis.claims import decide, overall
 from analysis.claims_file import read_claims
-from analysis.errors import InputError
-from analysis.study import read_study
+from analysis.data.cells import cells_of
+from analysis.data.errors import InputError
+from analysis.data.study import read_study
 from tests.analysis.synthetic import LEVELS, SIZES, write_grid, write_run
 
 CLAIMS = read_claims()

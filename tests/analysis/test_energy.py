@@ -2,7 +2,7 @@
 
 import pytest
 
-from analysis.collected import collect, load
+from analysis.data.collected import collect, load
 from analysis.energy import ACCUMULATE_PICOJOULE, MAC_PICOJOULE, cost_of, lateral_connections, mlp_cost
 from analysis.statistics.cost import costs, energy_table
 from tests.analysis.synthetic import configuration, write_run

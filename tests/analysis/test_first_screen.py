@@ -3,8 +3,8 @@
 import json
 
 from analysis.__main__ import main
+from analysis.data.study import read_study
 from analysis.overview import overview, protocol
-from analysis.study import read_study
 from tests.analysis.synthetic import configuration, write_grid, write_run
 
 
@@ -48,7 +48,7 @@ def test_settings_that_differ_from_the_papers_are_named_once(tmp_path):
 def test_the_protocol_file_is_what_conf_has():
     import yaml
 
-    from analysis.flatten import flatten
+    from analysis.data.flatten import flatten
     from tests.analysis.synthetic import CONF
 
     paper = {f"protocol.{k}": v for k, v in yaml.safe_load((CONF / "protocol/paper.yaml").read_text()).items()}

@@ -15,7 +15,7 @@ import pytest
 from analysis import metrics
 from analysis.__main__ import main
 from analysis.compare import compare, side
-from analysis.study import read_study
+from analysis.data.study import read_study
 from tests.analysis.synthetic import write_grid, write_run
 
 ROOT = Path(__file__).resolve().parents[2]

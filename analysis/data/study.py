@@ -9,11 +9,11 @@ from typing import Any
 
 import pandas as pd
 
-from analysis.arms import arm_of, refuse_mixed_arms
-from analysis.errors import InputError
-from analysis.flatten import flatten
-from analysis.horizons import due, horizons, missing_at_the_end, unequal_training
-from analysis.reading import Run, UnreadableRunError, read_run
+from analysis.data.arms import arm_of, refuse_mixed_arms
+from analysis.data.errors import InputError
+from analysis.data.flatten import flatten
+from analysis.data.reading import Run, UnreadableRunError, read_run
+from analysis.data.training_steps import due, horizons, missing_at_the_end, unequal_training
 
 KEYS = ["algo", "env", "arm", "seed"]
 RUN_COLUMNS = [

@@ -10,8 +10,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis import metrics
-from analysis.names import ordered_algorithms, ordered_arms, ordered_tasks
-from analysis.study import Study
+from analysis.data.names import ordered_algorithms, ordered_arms, ordered_tasks
+from analysis.data.study import Study
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 import yaml
 
-from analysis.errors import InputError
+from analysis.data.errors import InputError
 
 FORMAT = 1
 EVALUATION_COLUMNS = ["step", "episode", "return", "length"]

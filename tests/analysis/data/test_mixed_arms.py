@@ -2,9 +2,9 @@
 
 import pytest
 
-from analysis.collected import collect, load
-from analysis.errors import InputError
-from analysis.study import read_study
+from analysis.data.collected import collect, load
+from analysis.data.errors import InputError
+from analysis.data.study import read_study
 from tests.analysis.synthetic import write_run
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from analysis.study import read_study
+from analysis.data.study import read_study
 from tests.analysis.synthetic import write_grid, write_run
 
 

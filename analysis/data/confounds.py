@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 
-from analysis.flatten import IDENTITY, differing_keys
-from analysis.names import actor_name
-from analysis.study import Study, flat_configuration
+from analysis.data.flatten import IDENTITY, differing_keys
+from analysis.data.names import actor_name
+from analysis.data.study import Study, flat_configuration
 
 #: What goes with the actor [PopSAN], and where a run ran.
 EXEMPT = frozenset({"algo.actor_learning_rate", "algo.log_std_network", "threads", "device"} | IDENTITY)

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from analysis.errors import InputError
-from analysis.flatten import differing_keys
-from analysis.names import ACTORS
-from analysis.reading import Run
+from analysis.data.errors import InputError
+from analysis.data.flatten import differing_keys
+from analysis.data.names import ACTORS
+from analysis.data.reading import Run
 
 MOST_KEYS = 10
 

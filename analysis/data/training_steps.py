@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections import Counter
 
-from analysis.arms import arm_of
-from analysis.reading import Run
+from analysis.data.arms import arm_of
+from analysis.data.reading import Run
 
 
 def horizons(runs: list[Run]) -> dict[tuple[str, str], int]:

@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from analysis.cells import cells_of, select
-from analysis.errors import InputError
-from analysis.study import read_study
+from analysis.data.cells import cells_of, select
+from analysis.data.errors import InputError
+from analysis.data.study import read_study
 from tests.analysis.synthetic import write_grid, write_run
 
 

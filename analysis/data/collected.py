@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from analysis.errors import InputError
-from analysis.study import KEYS, Study, read_study
-from analysis.writing import read_csv, replaced_folder, write_csv, write_json
+from analysis.data.errors import InputError
+from analysis.data.study import KEYS, Study, read_study
+from analysis.data.writing import read_csv, replaced_folder, write_csv, write_json
 
 FORMAT = 2
 _TEXT = ["arm", "label", "actor", "encoder", "algo", "env", "path", "cell_hash", "configuration_hash", "commit"]
