@@ -25,11 +25,11 @@ def _collect(options: argparse.Namespace) -> None:
     study = collect(options.study)
     counts = study.runs["counts_as"].value_counts()
     shown = ", ".join(f"{counts.get(kind, 0)} {kind}" for kind in ("finished", "diverged", "unfinished"))
-    print(f"{options.study}/collected: {shown}; {len(study.notes)} note(s)")
-    for note in study.notes[:10]:
+    print(f"{options.study}/collected: {shown}; {len(study.warnings)} note(s)")
+    for note in study.warnings[:10]:
         print(f"  {note}", file=sys.stderr)
-    if len(study.notes) > 10:
-        print(f"  ... and {len(study.notes) - 10} more, all of them in the report", file=sys.stderr)
+    if len(study.warnings) > 10:
+        print(f"  ... and {len(study.warnings) - 10} more, all of them in the report", file=sys.stderr)
 
 
 def _figures(options: argparse.Namespace) -> None:

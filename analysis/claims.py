@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from analysis.claims_file import Claim, Claims
 from analysis.data.cells import Cell, select
-from analysis.data.confounds import unequal_settings
+from analysis.data.confounds import confounds
 from analysis.data.names import actor_name, algorithm_name, task_name
 from analysis.data.study import Study
 from analysis.improvement import improvement_with_interval
@@ -124,7 +124,7 @@ def _why_not_tested(
     if few := {n: len(v) for n, v in zip(claim.arms, arms) if len(v) < claims.minimum_seeds}:
         shown = ", ".join(f"{actor_name(name)} {count}" for name, count in few.items())
         return "few", tuple(few), f"fewer than {claims.minimum_seeds} finished seeds: {shown}"
-    if differing := unequal_settings(study, algo, env, claim.arms):
+    if differing := confounds(study, algo, env, claim.arms):
         return "settings", claim.arms, f"the arms were trained under different settings: {'; '.join(differing)}"
     return "", (), ""
 

@@ -62,7 +62,7 @@ def compare(a: Side, b: Side, algo: str | None = None) -> tuple[Table, list[str]
         InputError: the sides have no task in common, or no label where whole studies are compared.
     """
     left, right = a.cells(algo), b.cells(algo)
-    rows, notes = [], [f"{s.name}: {note}" for s in (a, b) for note in s.study.notes]
+    rows, notes = [], [f"{s.name}: {note}" for s in (a, b) for note in s.study.warnings]
     for cell in left:
         for other in right:
             same_label = cell.arm == other.arm or a.label is not None or b.label is not None
@@ -71,8 +71,10 @@ def compare(a: Side, b: Side, algo: str | None = None) -> tuple[Table, list[str]
             where = f"{algorithm_name(cell.algo)}, {task_name(cell.env)}, {cell.arm} / {other.arm}"
             keys = [s.study.configurations[f"{c.algo}/{c.env}/{c.arm}"] for s, c in ((a, cell), (b, other))]
             differing = differing_keys(keys[0], keys[1])
-            unequal = cell.horizon != other.horizon
-            remarks = [f"unequal training, {cell.horizon:,} against {other.horizon:,} steps: not comparable"] * unequal
+            unequal = cell.training_steps != other.training_steps
+            remarks = [
+                f"unequal training, {cell.training_steps:,} against {other.training_steps:,} steps: not comparable"
+            ] * unequal
             if differing:
                 shown = [f"{key}: {x} / {y}" for key, x, y in differing[:8]]
                 more = [f"and {len(differing) - 8} more keys"] if len(differing) > 8 else []

@@ -55,8 +55,8 @@ def late(study: Study) -> pd.DataFrame:
     columns = [column for column in study.training.columns if column not in (*KEYS, "step")]
     if study.training.empty or study.counted.empty:
         return pd.DataFrame(columns=[*KEYS, *columns])
-    table = study.training.merge(study.counted[[*KEYS, "horizon"]], on=KEYS)
-    table = table[10 * table["step"] > 9 * table["horizon"]]
+    table = study.training.merge(study.counted[[*KEYS, "training_steps"]], on=KEYS)
+    table = table[10 * table["step"] > 9 * table["training_steps"]]
     return table.groupby(KEYS, sort=True)[columns].mean().reset_index()
 
 

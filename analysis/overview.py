@@ -26,7 +26,7 @@ def overview(study: Study) -> dict[str, str]:
     """Sentences for the first screen: the verdicts' ``title``; ``status``, ``caution``, ``settings``, which may be "
     "empty.
     """
-    lengths = sorted({int(steps) for steps in study.runs["horizon"]})
+    lengths = sorted({int(steps) for steps in study.runs["training_steps"]})
     steps = int(protocol()["steps"])
     whole = not lengths or lengths == [steps]
     shown = " or ".join(f"{length:,}" for length in lengths)
@@ -45,7 +45,7 @@ def overview(study: Study) -> dict[str, str]:
 def _status(study: Study, algo: str) -> str:
     """``TD3: runs of 100,000 steps (the paper: 1,000,000), 1–3 seeds per cell (10); 2 of 15 runs finished, ...``."""
     runs = study.runs[study.runs["algo"] == algo]
-    lengths = " or ".join(f"{steps:,}" for steps in sorted({int(steps) for steps in runs["horizon"]}))
+    lengths = " or ".join(f"{steps:,}" for steps in sorted({int(steps) for steps in runs["training_steps"]}))
     seeds = _range(runs.groupby(["env", "arm"]).size())
     done = runs["counts_as"].value_counts()
     words = [f"{done.get('finished', 0)} of {len(runs)} runs finished"]

@@ -70,11 +70,11 @@ def panels(count: int, width: float = 2.35, height: float = 2.1, columns: int = 
     return figure, flat[:count]
 
 
-def step_axis(axis: Axes, horizon: int) -> None:
+def step_axis(axis: Axes, training_steps: int) -> None:
     """Steps in millions, or in thousands where a run is shorter than half a million."""
-    millions = horizon >= 500_000
+    millions = training_steps >= 500_000
     unit, word = (1e6, "million") if millions else (1e3, "thousand")
-    axis.set_xlim(0, horizon)
+    axis.set_xlim(0, training_steps)
     axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value / unit:g}"))
     axis.set_xlabel(f"Environment steps ({word})")
 

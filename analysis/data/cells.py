@@ -33,7 +33,7 @@ class Cell:
     env: str
     arm: str
     paper: bool
-    horizon: int
+    training_steps: int
     seeds: NDArray[np.int64]
     steps: NDArray[np.int64]
     returns: Array
@@ -75,17 +75,17 @@ def _in_order(runs: pd.DataFrame) -> Iterator[tuple[str, str, str]]:
 def _cell(algo: str, env: str, arm: str, runs: pd.DataFrame, evaluations: pd.DataFrame) -> Cell:
     counted = runs[runs["counts_as"] != "unfinished"].sort_values("seed")
     steps, returns, seeds = metrics.seed_matrix(evaluations[evaluations["counts_as"] != "unfinished"])
-    horizon = int(runs["horizon"].iloc[0])
+    training_steps = int(runs["training_steps"].iloc[0])
     return Cell(
         algo=algo,
         env=env,
         arm=arm,
         paper=bool(runs["paper"].all()),
-        horizon=horizon,
+        training_steps=training_steps,
         seeds=seeds,
         steps=steps,
         returns=returns,
-        final=metrics.final_performance(steps, returns, horizon),
+        final=metrics.final_performance(steps, returns, training_steps),
         diverged=counted["counts_as"].eq("diverged").to_numpy(dtype=bool),
         unfinished=len(runs) - len(counted),
         waiting=_waiting(runs[runs["counts_as"] == "unfinished"]),

@@ -13,7 +13,7 @@ from analysis.data.errors import InputError
 from analysis.data.study import KEYS, Study, read_study
 from analysis.data.writing import read_csv, replaced_folder, write_csv, write_json
 
-FORMAT = 2
+FORMAT = 3
 _TEXT = ["arm", "label", "actor", "encoder", "algo", "env", "path", "cell_hash", "configuration_hash", "commit"]
 _TEXT += ["status", "counts_as", "failure", "changed_keys", "versions", "processor", "device"]
 
@@ -25,7 +25,12 @@ def collect(folder: Path) -> Study:
         write_csv(out / "runs.csv", study.runs)
         write_csv(out / "evaluations.csv", study.evaluations)
         write_csv(out / "training.csv", _six_digits(study.training))
-        about = {"format": FORMAT, "study": study.name, "notes": study.notes, "configurations": study.configurations}
+        about = {
+            "format": FORMAT,
+            "study": study.name,
+            "warnings": study.warnings,
+            "configurations": study.configurations,
+        }
         write_json(out / "study.json", about)
     return study
 
@@ -46,7 +51,7 @@ def load(folder: Path) -> Study:
         raise InputError(f"{folder} has not been collected: run `python -m analysis collect {folder}` first.") from None
     if about.get("format") != FORMAT:
         raise InputError(f"{source} was written by another version: run `python -m analysis collect {folder}` again.")
-    return Study(about["study"], runs, evaluations, training, about["configurations"], about["notes"])
+    return Study(about["study"], runs, evaluations, training, about["configurations"], about["warnings"])
 
 
 def _six_digits(training: pd.DataFrame) -> pd.DataFrame:

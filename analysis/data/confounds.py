@@ -12,7 +12,7 @@ from analysis.data.study import Study, flat_configuration
 EXEMPT = frozenset({"algo.actor_learning_rate", "algo.log_std_network", "threads", "device"} | IDENTITY)
 
 
-def unequal_settings(study: Study, algo: str, env: str, arms: tuple[str, ...]) -> list[str]:
+def confounds(study: Study, algo: str, env: str, arms: tuple[str, ...]) -> list[str]:
     """Settings outside the actor in which arms differ ("identical configurations" does not hold), each as a phrase.
 
     The actor's learning rate and log-std network go with the actor; a key that a label declares as changed is meant.

@@ -47,7 +47,7 @@ class Run:
     counts_as: str
     evaluations: pd.DataFrame
     training: pd.DataFrame
-    notes: tuple[str, ...]
+    warnings: tuple[str, ...]
 
 
 def read_run(folder: Path, path: str) -> Run:
@@ -58,29 +58,29 @@ def read_run(folder: Path, path: str) -> Run:
     """
     manifest = _manifest(folder, path)
     config = _config(folder)
-    notes: list[str] = []
+    warnings: list[str] = []
     episodes = int(config.get("protocol", {}).get("evaluation_episodes", 1))
-    evaluations = _evaluations(folder / "evaluations.csv", episodes, notes)
+    evaluations = _evaluations(folder / "evaluations.csv", episodes, warnings)
     early = int(manifest.get("step") or 0) < int(config["protocol"].get("evaluation_interval") or 0)
-    training = _training(folder / "training.csv", notes, early)
+    training = _training(folder / "training.csv", warnings, early)
     counts_as = COUNTS_AS[manifest["status"]]
     finite = np.isfinite(evaluations["return"].to_numpy(dtype=float))
     if not finite.all():
-        notes.append(f"{int((~finite).sum())} evaluation(s) hold non-finite returns; the run counts as diverged")
+        warnings.append(f"{int((~finite).sum())} evaluation(s) hold non-finite returns; the run counts as diverged")
         evaluations, counts_as = evaluations[finite].reset_index(drop=True), "diverged"
     last = int(evaluations["step"].max()) if len(evaluations) else -1
     if counts_as == "finished" and last != manifest["total_steps"]:
-        notes.append(
+        warnings.append(
             f"its manifest says complete, but its evaluations end at step {last:,} of {manifest['total_steps']:,}; "
             "it counts as unfinished"
         )
         counts_as = "unfinished"
     if counts_as == "diverged" and last < 0:
-        notes.append(
+        warnings.append(
             "it diverged before its first evaluation, so there is no value to carry forward; it counts as unfinished"
         )
         counts_as = "unfinished"
-    return Run(path, manifest, config, counts_as, evaluations, training, tuple(notes))
+    return Run(path, manifest, config, counts_as, evaluations, training, tuple(warnings))
 
 
 def _manifest(folder: Path, path: str) -> dict[str, Any]:
@@ -120,18 +120,18 @@ def _config(folder: Path) -> dict[str, Any]:
     return config
 
 
-def _whole_lines(path: Path, notes: list[str]) -> list[str]:
+def _whole_lines(path: Path, warnings: list[str]) -> list[str]:
     """The lines that end in a newline; what follows the last one was torn by a kill and is left out."""
     try:
         text = path.read_bytes().decode("utf-8")
     except FileNotFoundError:
-        notes.append(f"{path.name} is missing")
+        warnings.append(f"{path.name} is missing")
         return []
     except UnicodeDecodeError:
         raise UnreadableRunError(f"its {path.name} is not text") from None
     lines = text.split("\n")
     if lines[-1]:
-        notes.append(f"the last line of {path.name} is torn and was left out")
+        warnings.append(f"the last line of {path.name} is torn and was left out")
     lines = [line.rstrip("\r") for line in lines[:-1]]
     if lines:
         fields = lines[0].count(",")
@@ -143,8 +143,8 @@ def _whole_lines(path: Path, notes: list[str]) -> list[str]:
     return lines
 
 
-def _evaluations(path: Path, episodes: int, notes: list[str]) -> pd.DataFrame:
-    lines = _whole_lines(path, notes)
+def _evaluations(path: Path, episodes: int, warnings: list[str]) -> pd.DataFrame:
+    lines = _whole_lines(path, warnings)
     empty = pd.DataFrame({"step": [], "return": [], "length": [], "episodes": []}).astype(
         {"step": int, "episodes": int}
     )
@@ -178,7 +178,7 @@ def _evaluations(path: Path, episodes: int, notes: list[str]) -> pd.DataFrame:
             raise UnreadableRunError(
                 f"its evaluations.csv has an episode of step {step:,} twice, with different returns"
             )
-        notes.append(f"{before - len(rows)} repeated row(s) of evaluations.csv were left out")
+        warnings.append(f"{before - len(rows)} repeated row(s) of evaluations.csv were left out")
     # reduceat keeps NaN (groupby.mean would skip it): one non-finite episode makes the evaluation non-finite
     rows = rows.sort_values(["step", "episode"])
     steps, starts, counts = np.unique(rows["step"].to_numpy(), return_index=True, return_counts=True)
@@ -189,13 +189,13 @@ def _evaluations(path: Path, episodes: int, notes: list[str]) -> pd.DataFrame:
     partial = table["episodes"] < episodes
     if partial.any():
         where = ", ".join(f"{step:,}" for step in table.loc[partial, "step"].head(3))
-        notes.append(
+        warnings.append(
             f"{int(partial.sum())} evaluation(s) with fewer than {episodes} episodes were left out (step {where})"
         )
     return table[~partial].reset_index(drop=True)
 
 
-def _training(path: Path, notes: list[str], early: bool) -> pd.DataFrame:
+def _training(path: Path, warnings: list[str], early: bool) -> pd.DataFrame:
     """No number of a comparison depends on this file, so damage in it leaves the file out, not the run.
 
     ``early``: the run has not ended its first interval, so there need be no file.
@@ -204,14 +204,14 @@ def _training(path: Path, notes: list[str], early: bool) -> pd.DataFrame:
     if early and not path.exists():
         return nothing
     try:
-        return _trusted_training(path, notes)
+        return _trusted_training(path, warnings)
     except UnreadableRunError as error:
-        notes.append(f"{error}; its training data were left out, its evaluations count")
+        warnings.append(f"{error}; its training data were left out, its evaluations count")
         return nothing
 
 
-def _trusted_training(path: Path, notes: list[str]) -> pd.DataFrame:
-    lines = _whole_lines(path, notes)
+def _trusted_training(path: Path, warnings: list[str]) -> pd.DataFrame:
+    lines = _whole_lines(path, warnings)
     if len(lines) < 2 or "step" not in lines[0].split(","):
         return pd.DataFrame({"step": pd.Series(dtype=int)})
     frame = pd.read_csv(io.StringIO("\n".join(lines)), float_precision="round_trip")

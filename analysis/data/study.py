@@ -13,7 +13,7 @@ from analysis.data.arms import arm_of, refuse_mixed_arms
 from analysis.data.errors import InputError
 from analysis.data.flatten import flatten
 from analysis.data.reading import Run, UnreadableRunError, read_run
-from analysis.data.training_steps import due, horizons, missing_at_the_end, unequal_training
+from analysis.data.training_steps import due, missing_at_the_end, training_steps_by_task, unequal_training
 
 KEYS = ["algo", "env", "arm", "seed"]
 RUN_COLUMNS = [
@@ -26,7 +26,7 @@ RUN_COLUMNS = [
     "status",
     "step",
     "total_steps",
-    "horizon",
+    "training_steps",
     "evaluations",
     "failure",
     "path",
@@ -61,7 +61,7 @@ class Study:
             diverged run did not live to see repeat its last value and are marked ``carried``.
         training: ``KEYS`` and the columns of ``training.csv``.
         configurations: the resolved configuration of each cell, keyed ``algo/env/arm``.
-        notes: what a reader has to know, sentences.
+        warnings: what a reader has to know, sentences.
     """
 
     name: str
@@ -69,7 +69,7 @@ class Study:
     evaluations: pd.DataFrame
     training: pd.DataFrame
     configurations: dict[str, dict[str, Any]] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
 
     @property
     def counted(self) -> pd.DataFrame:
@@ -85,26 +85,26 @@ def read_study(folder: Path) -> Study:
     """
     if not folder.is_dir():
         raise InputError(f"There is no folder {folder}; give the path of a study, such as results/paper.")
-    root, notes, runs = folder / "runs", [], []
+    root, warnings, runs = folder / "runs", [], []
     for path, reason in _candidates(root):
         if reason:
-            notes.append(f"runs/{path}: {reason}; it was left out.")
+            warnings.append(f"runs/{path}: {reason}; it was left out.")
             continue
         try:
             run = read_run(root / path, path)
         except UnreadableRunError as error:
-            notes.append(f"runs/{path}: {error}; it was left out.")
+            warnings.append(f"runs/{path}: {error}; it was left out.")
             continue
         runs.append(run)
         recorded = run.manifest.get("notes")
-        notes.extend(f"runs/{path}: {note}." for note in run.notes)
-        notes.extend(
+        warnings.extend(f"runs/{path}: {note}." for note in run.warnings)
+        warnings.extend(
             f"runs/{path}, from its manifest: {note}" for note in (recorded if isinstance(recorded, list) else [])
         )
     if not runs:
-        notes.insert(0, f"There are no runs in {folder.name}/runs yet.")
+        warnings.insert(0, f"There are no runs in {folder.name}/runs yet.")
     refuse_mixed_arms(runs)
-    return _assemble(folder.name, runs, notes)
+    return _assemble(folder.name, runs, warnings)
 
 
 def _candidates(root: Path) -> list[tuple[str, str]]:
@@ -131,20 +131,20 @@ def _natural(item: tuple[str, str]) -> tuple[str, int, str]:
     return cell, int(number) if number.isascii() and number.isdecimal() else -1, last
 
 
-def _assemble(name: str, runs: list[Run], notes: list[str]) -> Study:
-    lengths = horizons(runs)
+def _assemble(name: str, runs: list[Run], warnings: list[str]) -> Study:
+    lengths = training_steps_by_task(runs)
     rows: list[dict[str, Any]] = []
     evaluations: list[pd.DataFrame] = []
     training: list[pd.DataFrame] = []
     configurations: dict[str, dict[str, Any]] = {}
     for run in runs:
         m = run.manifest
-        horizon, counts_as = lengths[m["algo"], m["env"]], run.counts_as
-        if unequal := unequal_training(run, horizon):
-            notes.append(unequal)
+        training_steps, counts_as = lengths[m["algo"], m["env"]], run.counts_as
+        if unequal := unequal_training(run, training_steps):
+            warnings.append(unequal)
             counts_as = "unfinished"
-        elif incomplete := missing_at_the_end(run, horizon):
-            notes.append(incomplete)
+        elif incomplete := missing_at_the_end(run, training_steps):
+            warnings.append(incomplete)
         arm, paper = arm_of(run)
         keys = {"algo": m["algo"], "env": m["env"], "arm": arm, "seed": m["seed"]}
         parameters = m.get("parameters") or {}
@@ -153,7 +153,7 @@ def _assemble(name: str, runs: list[Run], notes: list[str]) -> Study:
             **keys,
             "paper": paper,
             "counts_as": counts_as,
-            "horizon": horizon,
+            "training_steps": training_steps,
             "evaluations": len(run.evaluations),
             "failure": _failure(m.get("failure")),
             "path": run.path,
@@ -163,7 +163,7 @@ def _assemble(name: str, runs: list[Run], notes: list[str]) -> Study:
             "critic_parameters": parameters.get("critic"),
         }
         rows.append(values)
-        evaluations.append(_with_carried(run, counts_as, horizon).assign(**keys))
+        evaluations.append(_with_carried(run, counts_as, training_steps).assign(**keys))
         training.append(run.training.assign(**keys))
         configurations.setdefault("/".join((m["algo"], m["env"], arm)), run.config)
     others = [column for frame in training[:] for column in frame.columns if column not in KEYS]
@@ -173,7 +173,7 @@ def _assemble(name: str, runs: list[Run], notes: list[str]) -> Study:
         evaluations=_concat(evaluations, EVALUATION_COLUMNS),
         training=_concat(training, [*KEYS, *dict.fromkeys(["step", *others])]),
         configurations=configurations,
-        notes=notes,
+        warnings=warnings,
     )
 
 
@@ -184,15 +184,15 @@ def _failure(failure: Any) -> str | None:
     return " ".join(f"{failure.get('kind', 'error')}: {failure.get('message', '')}".split()) or None
 
 
-def _with_carried(run: Run, counts_as: str, horizon: int) -> pd.DataFrame:
-    """The evaluations; for a diverged run also its last one, repeated up to the horizon (METHOD: a diverged run
+def _with_carried(run: Run, counts_as: str, training_steps: int) -> pd.DataFrame:
+    """The evaluations; for a diverged run also its last one, repeated up to the last step (METHOD: a diverged run
     counts).
     """
     table = run.evaluations[["step", "return", "length"]].assign(counts_as=counts_as, carried=False)
     if counts_as != "diverged":
         return table
     last = table.iloc[-1]
-    missing = [step for step in due(run, horizon) if step > last["step"]]
+    missing = [step for step in due(run, training_steps) if step > last["step"]]
     carried = pd.DataFrame({"step": missing, "return": last["return"], "length": last["length"]})
     return pd.concat([table, carried.assign(counts_as=counts_as, carried=True)]) if missing else table
 

@@ -73,7 +73,7 @@ def _drawing(name: str, title: str, cells: list[Cell]) -> Drawing:
             curve = curves[env, cell.arm]
             frames.append(curve.assign(env=env, arm=cell.arm))
             _plot(axis, curve, style[cell.arm], _label(cell.arm, tasks, curves))
-        step_axis(axis, max(cell.horizon for cell in select(cells, env=env)))
+        step_axis(axis, max(cell.training_steps for cell in select(cells, env=env)))
         axis.set_title(task_name(env))
     for axis in axes[:: min(len(axes), 4)]:
         axis.set_ylabel("Average return")

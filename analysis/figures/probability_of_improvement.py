@@ -8,7 +8,7 @@ import pandas as pd
 from analysis import bootstrap
 from analysis.claims_file import Claim, Claims
 from analysis.data.cells import Cell, select
-from analysis.data.confounds import unequal_settings
+from analysis.data.confounds import confounds
 from analysis.data.names import actor_name, algorithm_name, task_name
 from analysis.data.study import Study
 from analysis.figures.drawing import Drawing
@@ -76,7 +76,7 @@ def _rows(
         found = [select(cells, algo, env, arm) for arm in claim.arms]
         if not all(f and f[0].n and (f[0].paper or claim.source == "user") for f in found):
             continue
-        if differing := unequal_settings(study, algo, env, claim.arms):
+        if differing := confounds(study, algo, env, claim.arms):
             unequal.append(f"{label} on {task_name(env)} ({', '.join(differing)})")
         else:
             pairs[env] = (found[0][0].final, found[1][0].final)

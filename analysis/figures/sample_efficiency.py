@@ -39,7 +39,7 @@ def draw(study: Study, cells: list[Cell], algo: str, claims: Claims) -> list[Dra
             )
         ]
     figure, (axis,) = panels(1, width=4.6, height=2.6)
-    style, frames, horizon = looks(arms), [], 0
+    style, frames, training_steps = looks(arms), [], 0
     for arm in arms:
         found = [select(cells, algo, env, arm)[0] for env in tasks]
         shared = [cell.steps[~np.isnan(cell.returns).any(axis=0)] for cell in found]
@@ -51,13 +51,16 @@ def draw(study: Study, cells: list[Cell], algo: str, claims: Claims) -> list[Dra
         values, low, high = bootstrap.curve_interval(scores, bootstrap.iqm)
         if not enough:
             low = high = np.full(len(values), np.nan)
-        n, horizon = "/".join(str(cell.n) for cell in found), max([horizon, *(cell.horizon for cell in found)])
+        n, training_steps = (
+            "/".join(str(cell.n) for cell in found),
+            max([training_steps, *(cell.training_steps for cell in found)]),
+        )
         axis.fill_between(steps, low, high, color=style[arm].color, alpha=0.15, linewidth=0)
         axis.plot(steps, values, color=style[arm].color, linestyle=style[arm].line, label=f"{actor_name(arm)} (n={n})")
         frames.append(pd.DataFrame({"arm": arm, "n": n, "step": steps, "iqm": values, "low": low, "high": high}))
     if not frames:
         return [Drawing(name, title, caption, missing="No step at which all runs of an actor were evaluated.")]
-    step_axis(axis, horizon)
+    step_axis(axis, training_steps)
     axis.set_ylabel("IQM of normalised scores")
     legend_below(figure, [axis], 2)
     return [Drawing(name, title, caption, figure=figure, data=pd.concat(frames, ignore_index=True))]

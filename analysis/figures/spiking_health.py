@@ -41,7 +41,9 @@ def draw(study: Study, cells: list[Cell], algo: str, claims: Claims) -> list[Dra
 def _drawing(study: Study, algo: str, env: str, table: pd.DataFrame) -> Drawing:
     layers, arms = sorted(table["layer"].unique()), ordered_arms(table["arm"])
     style = looks(arms)
-    horizon = int(study.runs.loc[(study.runs["algo"] == algo) & (study.runs["env"] == env), "horizon"].max())
+    training_steps = int(
+        study.runs.loc[(study.runs["algo"] == algo) & (study.runs["env"] == env), "training_steps"].max()
+    )
     width, height, below = 2.2 * len(layers) + 0.5, 1.1 * len(MEASURES) + 1.1, 0.55 + 0.18 * -(-len(arms) // 3)
     shape = len(MEASURES), len(layers)
     with plt.rc_context({"figure.constrained_layout.use": False}):
@@ -76,7 +78,7 @@ def _drawing(study: Study, algo: str, env: str, table: pd.DataFrame) -> Drawing:
                 axis.set_title(
                     f"Layer {layer}" + (" (output population)" if layer == layers[-1] and len(layers) > 1 else "")
                 )
-            step_axis(axis, horizon)
+            step_axis(axis, training_steps)
             if row < len(MEASURES) - 1:
                 axis.set_xlabel("")
         axes[row][0].set_ylabel(_SHORT[measure])

@@ -37,7 +37,7 @@ def build(study: Study, folder: Path, claims_path: Path = FILE) -> list[Table]:
         provenance.cells_table(study),
     ]
     rule = verdicts.rule(rows, claims)
-    told = [*study.notes, *notes(study, cells, claims), *saturated(study)]
+    told = [*study.warnings, *notes(study, cells, claims), *saturated(study)]
     with replaced_folder(folder / "statistics") as out:
         for table in tables:
             table.save(out)

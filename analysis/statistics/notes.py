@@ -7,7 +7,7 @@ import pandas as pd
 
 from analysis.claims_file import Claims
 from analysis.data.cells import Cell
-from analysis.data.confounds import unequal_settings
+from analysis.data.confounds import confounds
 from analysis.data.names import actor_name, algorithm_name, task_name
 from analysis.data.study import Study
 from analysis.references import scale
@@ -60,7 +60,7 @@ def _reached(run: object) -> str:
 def _of_task(study: Study, here: list[Cell], claims: Claims) -> list[str]:
     algo, env = here[0].algo, here[0].env
     name, paper = f"{algorithm_name(algo)}, {task_name(env)}", tuple(cell.arm for cell in here if cell.paper)
-    phrases = unequal_settings(study, algo, env, paper) if paper else []
+    phrases = confounds(study, algo, env, paper) if paper else []
     found = [f"{name}: settings differ between actors: {phrase}." for phrase in phrases]
     counts = {cell.n for cell in here if cell.n}
     if len(counts) > 1:

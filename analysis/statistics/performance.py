@@ -95,7 +95,7 @@ def final_table(cells: list[Cell]) -> Table:
                 "mean_without_diverged": _mean(without),
                 "std_without_diverged": _std(without),
                 "unfinished": cell.unfinished,
-                "total_steps": cell.horizon,
+                "total_steps": cell.training_steps,
                 "iqm_shown": pair(centre, low, high),
                 "shown": spread(_mean(cell.final), _std(cell.final), cell.n),
                 "without": spread(_mean(without), _std(without), len(without)) if diverged else "–",
@@ -196,7 +196,7 @@ def published_table(cells: list[Cell]) -> Table:
             found = [
                 cell
                 for cell in select(cells, entry["algo"], env, entry["arm"])
-                if cell.n and cell.horizon == published["steps"]
+                if cell.n and cell.training_steps == published["steps"]
             ]
             for cell in found:
                 best = metrics.max_of_mean(cell.steps, cell.returns)

@@ -18,7 +18,7 @@ def rewrite(path, change):
 def test_a_run_as_the_contract_says(tmp_path):
     write_run(tmp_path / "s", seed=3, curve=np.arange(11.0))
     study = read_study(tmp_path / "s")
-    assert study.notes == []
+    assert study.warnings == []
     assert study.runs[["algo", "env", "arm", "seed", "counts_as", "paper"]].values.tolist() == [
         ["td3", "hopper", "bptsan", 3, "finished", True]
     ]
@@ -32,9 +32,9 @@ def test_a_torn_last_line_is_left_out_with_a_note(tmp_path):
         run / "evaluations.csv", lambda text: text.rsplit(",", 1)[0][:-3]
     )  # "100000,1,49": a shorter number, no newline
     study = read_study(tmp_path / "s")
-    assert any("torn" in note for note in study.notes)
-    assert any("fewer than 2 episodes" in note for note in study.notes)
-    assert any("ends at" in note or "end at step 90,000" in note for note in study.notes)
+    assert any("torn" in note for note in study.warnings)
+    assert any("fewer than 2 episodes" in note for note in study.warnings)
+    assert any("ends at" in note or "end at step 90,000" in note for note in study.warnings)
     assert study.runs["counts_as"].tolist() == ["unfinished"]
     assert study.evaluations["return"].eq(500).all()
 
@@ -56,7 +56,7 @@ def test_damage_inside_evaluations_leaves_the_run_out(tmp_path, change, reason):
     rewrite(run / "evaluations.csv", change)
     study = read_study(tmp_path / "s")
     assert study.runs["seed"].tolist() == [1]
-    assert reason in study.notes[0] and "seed_0" in study.notes[0]
+    assert reason in study.warnings[0] and "seed_0" in study.warnings[0]
 
 
 @pytest.mark.parametrize(
@@ -69,20 +69,20 @@ def test_damage_inside_training_leaves_out_the_training_data_only(tmp_path, chan
     rewrite(run / "training.csv", change)
     study = read_study(tmp_path / "s")
     assert study.runs["counts_as"].tolist() == ["finished"] and study.training.empty
-    (note,) = study.notes
+    (note,) = study.warnings
     assert "training.csv" in note and "its evaluations count" in note
 
 
 def test_no_training_file_is_news_only_after_the_first_interval(tmp_path):
     (write_run(tmp_path / "s", status="running", stop=0) / "training.csv").unlink()
     (write_run(tmp_path / "s", seed=1, status="running", stop=20_000) / "training.csv").unlink()
-    (note,) = read_study(tmp_path / "s").notes
+    (note,) = read_study(tmp_path / "s").warnings
     assert "seed_1: training.csv is missing" in note
 
 
 def test_what_a_manifest_notes_is_passed_on(tmp_path):
     write_run(tmp_path / "s", manifest={"notes": ["resumed on another processor"]})
-    assert read_study(tmp_path / "s").notes == [
+    assert read_study(tmp_path / "s").warnings == [
         "runs/td3/hopper/bptsan/poisson/seed_0, from its manifest: resumed on another processor"
     ]
 
@@ -91,7 +91,7 @@ def test_a_repeated_row_counts_once(tmp_path):
     run = write_run(tmp_path / "s", curve=np.full(11, 500.0))
     rewrite(run / "evaluations.csv", lambda text: text + text.splitlines()[-1] + "\n")
     study = read_study(tmp_path / "s")
-    assert "repeated" in study.notes[0]
+    assert "repeated" in study.warnings[0]
     assert study.evaluations["return"].eq(500).all() and study.runs["counts_as"].tolist() == ["finished"]
 
 
@@ -114,12 +114,12 @@ def test_a_foreign_or_broken_folder_is_noted_not_read(tmp_path, damage, reason):
     damage(write_run(tmp_path / "s"))
     study = read_study(tmp_path / "s")
     assert study.runs["seed"].tolist() == [1]
-    assert len(study.notes) == 1 and reason in study.notes[0]
+    assert len(study.warnings) == 1 and reason in study.warnings[0]
 
 
 def test_an_empty_or_missing_study(tmp_path):
     (tmp_path / "s").mkdir()
-    assert read_study(tmp_path / "s").notes == ["There are no runs in s/runs yet."]
+    assert read_study(tmp_path / "s").warnings == ["There are no runs in s/runs yet."]
     with pytest.raises(InputError, match="There is no folder"):
         read_study(tmp_path / "t")
 
@@ -147,7 +147,7 @@ def test_a_non_finite_return_is_divergence_not_a_number(tmp_path):
     run = write_run(tmp_path / "s", curve=np.full(11, 500.0))
     rewrite(run / "evaluations.csv", lambda text: text.replace("100000,1,499.0", "100000,1,nan"))
     study = read_study(tmp_path / "s")
-    assert "non-finite" in study.notes[0] and study.runs["counts_as"].tolist() == ["diverged"]
+    assert "non-finite" in study.warnings[0] and study.runs["counts_as"].tolist() == ["diverged"]
     assert study.evaluations["return"].tolist() == [500] * 11  # the last one carried
 
 
@@ -167,7 +167,7 @@ def test_unequal_training_is_not_compared(tmp_path):
     write_run(tmp_path / "s", actor="popsan", total_steps=100_000)
     study = read_study(tmp_path / "s")
     assert dict(zip(study.runs["arm"], study.runs["counts_as"])) == {"bptsan": "finished", "popsan": "unfinished"}
-    assert "200,000" in study.notes[0]
+    assert "200,000" in study.warnings[0]
 
 
 def test_variants_never_pass_for_the_papers_actor(tmp_path):
