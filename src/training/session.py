@@ -25,7 +25,7 @@ from src.training.collection import make_collector, transitions
 from src.training.environment import TrainingEnvironment
 from src.training.errors import CorruptState
 from src.training.evaluation import Evaluator
-from src.training.live_curves import open_live_curves
+from src.training.loggers import Logger, open_logger
 from src.training.normalization import Normalizer
 from src.training.numerics import set_numerics
 from src.training.policy_file import POLICY_FILE, save_policy
@@ -100,11 +100,11 @@ class TrainingSession:
         """Run to the end, to a stop request, or to non-finite numbers."""
         p = self.config.protocol
         self._resume()
-        curves = open_live_curves(self.config, self.run.state, self.run.path.name, self.step)
+        logger = open_logger(self.config, self.run, self.step)
         collector = make_collector(self.environment, self._act_in_training, p.update_every)
         try:
             if self.step == 0:
-                self._evaluate(curves)
+                self._evaluate(logger)
             batches = iter(collector)
             while self.step < p.total_steps:
                 started = time.perf_counter()
@@ -113,7 +113,7 @@ class TrainingSession:
                 self._advance(batch)
                 self.interval_seconds += time.perf_counter() - started
                 if self.step % p.evaluation_interval == 0:
-                    self._evaluate(curves)
+                    self._evaluate(logger)
                 stop = stop_requested()
                 if stop or self.step % p.checkpoint_interval == 0 or self.step == p.total_steps:
                     self.save()
@@ -123,7 +123,7 @@ class TrainingSession:
         except Diverged as error:
             return Outcome("diverged", self.step, f"{error} at step {self.step}")
         finally:
-            curves.close()
+            logger.close()
             collector.shutdown()
         save_policy(self.run.state / POLICY_FILE, self.config, self.learner, self.normalizer, self.sizes)
         return Outcome("complete", self.step, "")
@@ -161,7 +161,7 @@ class TrainingSession:
         )
         self.interval.add(self.learner.update(burst))
 
-    def _evaluate(self, curves: Any) -> None:
+    def _evaluate(self, logger: Logger) -> None:
         """Evaluate the deterministic policy, write both logs, begin a new interval."""
         started = time.perf_counter()
         self.learner.check_finite()
@@ -173,9 +173,9 @@ class TrainingSession:
         if self.step > 0:
             row = self._training_row()
             self.run.training.append(row)
-            curves.write(self.step, row | {"evaluation_return": self.last_return})
+            logger.write(self.step, row | {"evaluation_return": self.last_return})
         else:
-            curves.write(0, {"evaluation_return": self.last_return})
+            logger.write(0, {"evaluation_return": self.last_return})
         self.interval = IntervalMeans()
         self.interval_seconds = 0.0
 
