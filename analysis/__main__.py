@@ -55,9 +55,9 @@ def _render(options: argparse.Namespace) -> None:
 
 
 def _report(options: argparse.Namespace) -> None:
-    from analysis.claims_file import read_claims
+    from analysis.claims_file import claims_path, read_claims
 
-    read_claims(options.claims)  # a mistake there is told before the minutes of drawing
+    read_claims(claims_path(options.study, options.claims))  # a mistake there is told before the minutes of drawing
     for stage in (_collect, _figures, _statistics, _render):
         stage(options)
 
@@ -85,8 +85,6 @@ def _print_table(headers: list[str], rows: list[list[str]]) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    from analysis.claims_file import FILE
-
     parser = argparse.ArgumentParser(
         prog="python -m analysis",
         description=__doc__,
@@ -113,7 +111,7 @@ def _parser() -> argparse.ArgumentParser:
         command.add_argument("study", **study)  # type: ignore[arg-type]
         if name in ("report", "figures", "statistics"):
             command.add_argument(
-                "--claims", type=Path, default=FILE, help="another claims file than analysis/claims.yaml"
+                "--claims", type=Path, help="another claims file than the study's own or analysis/claims.yaml"
             )
     command = add("compare", "set two labels, or two studies, side by side", _compare)
     command.add_argument(

@@ -1,33 +1,47 @@
-"""Reading ``claims.yaml``: what is claimed, checked before anything is computed."""
+"""Reading ``claims.yaml``: what is claimed and by which rule it is judged, checked before anything is computed."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from analysis.data.errors import InputError
-from analysis.tests_of_claims import MINIMUM_SEEDS
+from analysis.hypothesis_tests import TEST_SEEDS
 
 FILE = Path(__file__).with_name("claims.yaml")
-_ROLES = {
-    "difference": (("better", 1.0), ("worse", -1.0)),
-    "interaction": (("both", 1.0), ("first", -1.0), ("second", -1.0), ("neither", 1.0)),
-}
+
+
+class Kind(StrEnum):
+    """The contrast of a claim."""
+
+    DIFFERENCE = "difference"  # better - worse
+    INTERACTION = "interaction"  # (both - first) - (second - neither)
+
+
+class Family(StrEnum):
+    """Claims that are corrected together."""
+
+    DECLARED = "declared"  # `source: paper`
+    USER = "user"  # `source: user`
+    EXPLORATORY = "exploratory"  # made automatically for labels that no claim names
 
 
 @dataclass(frozen=True)
 class Claim:
-    """``sum_i weights_i * mean(arms_i) > 0`` in final performance."""
+    """``sum_i weights_i * mean(arms_i) > 0`` in final performance, on each of ``tasks``."""
 
     name: str
     text: str
-    kind: str
-    source: str
+    kind: Kind
+    family: Family
     arms: tuple[str, ...]
     weights: tuple[float, ...]
+    tasks: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -36,16 +50,86 @@ class Claims:
 
     alpha: float
     power: float
+    planned_seeds: int
+    interim_alpha: float
+    smallest_effect: float
+    baselines: tuple[str, ...]
     tasks: tuple[str, ...]
     claims: tuple[Claim, ...]
-    minimum_seeds: int = MINIMUM_SEEDS
+
+
+_STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+_Name = Annotated[str, Field(min_length=1)]
+_Share = Annotated[float, Field(gt=0, lt=1)]
+
+
+class _Entry(BaseModel):
+    model_config = _STRICT
+    name: _Name
+    source: Literal["paper", "user"]
+    text: str = ""
+
+    def claim(self, kind: Kind, tasks: tuple[str, ...], **roles: float) -> Claim:
+        """The claim that an entry states; ``roles``: the weight of the arm that each key names."""
+        arms = tuple(getattr(self, role) for role in roles)
+        if len(set(arms)) < len(arms):
+            raise ValueError(f"claim {self.name} names the same label twice")
+        family = Family.DECLARED if self.source == "paper" else Family.USER
+        return Claim(self.name, self.text or self.name, kind, family, arms, tuple(roles.values()), tasks)
+
+
+class _Difference(_Entry):
+    kind: Literal["difference"]
+    better: _Name
+    worse: _Name
+
+    def stated(self, tasks: tuple[str, ...]) -> Claim:
+        return self.claim(Kind.DIFFERENCE, tasks, better=1.0, worse=-1.0)
+
+
+class _Interaction(_Entry):
+    kind: Literal["interaction"]
+    both: _Name
+    first: _Name
+    second: _Name
+    neither: _Name
+
+    def stated(self, tasks: tuple[str, ...]) -> Claim:
+        return self.claim(Kind.INTERACTION, tasks, both=1.0, first=-1.0, second=-1.0, neither=1.0)
+
+
+class _File(BaseModel):
+    model_config = _STRICT
+    alpha: _Share
+    power: _Share
+    planned_seeds: Annotated[int, Field(ge=TEST_SEEDS)]
+    interim_alpha: _Share
+    smallest_effect: Annotated[float, Field(gt=0)]
+    baselines: list[_Name] = ["aan", "popsan"]
+    tasks: Annotated[list[_Name], Field(min_length=1)]
+    claims: list[Annotated[_Difference | _Interaction, Field(discriminator="kind")]]
+
+    @model_validator(mode="after")
+    def _rules_between_keys(self) -> _File:
+        if self.interim_alpha >= self.alpha:
+            raise ValueError(f"interim_alpha ({self.interim_alpha:g}) should be below alpha ({self.alpha:g})")
+        for what, names in (("task", self.tasks), ("claim", [entry.name for entry in self.claims])):
+            if twice := next((name for name in names if names.count(name) > 1), ""):
+                raise ValueError(f"{what} {twice} stands there twice")
+        return self
+
+
+def claims_path(study: Path, given: Path | None = None) -> Path:
+    """The file that holds for a study: the one that was given, else the study's own, else the project's."""
+    own = study / "claims.yaml"
+    return given or (own if own.is_file() else FILE)
 
 
 def read_claims(path: Path = FILE) -> Claims:
     """Read and check a claims file.
 
     Raises:
-        InputError: one sentence that names the claim and the mistake.
+        InputError: one sentence that names the key or claim, and the mistake.
     """
     try:
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
@@ -54,36 +138,47 @@ def read_claims(path: Path = FILE) -> Claims:
     except yaml.YAMLError as error:
         raise InputError(f"{path.name} is not valid YAML: {str(error).splitlines()[0]}.") from None
     if not isinstance(content, dict):
-        raise InputError(f"{path.name}: expected the keys alpha, power, tasks and claims.")
-    for key, kind in (("alpha", float), ("power", float), ("tasks", list), ("claims", list)):
-        if not isinstance(content.get(key), kind):
-            raise InputError(f"{path.name}: {key} should be a {kind.__name__}, found {content.get(key)!r}.")
-    if not (0 < content["alpha"] < 1 and 0 < content["power"] < 1):
-        raise InputError(f"{path.name}: alpha and power lie between 0 and 1.")
-    minimum = content.get("minimum_seeds", MINIMUM_SEEDS)
-    if not isinstance(minimum, int) or isinstance(minimum, bool) or minimum < MINIMUM_SEEDS:
-        raise InputError(f"{path.name}: minimum_seeds is a whole number, at least {MINIMUM_SEEDS}; found {minimum!r}.")
-    claims = tuple(_claim(path.name, entry) for entry in content["claims"])
-    names = [claim.name for claim in claims]
-    if len(set(names)) < len(names):
-        raise InputError(f"{path.name}: two claims have the same name.")
-    return Claims(content["alpha"], content["power"], tuple(map(str, content["tasks"])), claims, minimum)
+        raise InputError(f"{path.name}: expected the keys {', '.join(_File.model_fields)}.")
+    try:
+        file = _File.model_validate(content)
+        tasks = tuple(file.tasks)
+        claims = tuple(entry.stated(tasks) for entry in file.claims)
+    except ValidationError as error:
+        raise InputError(f"{path.name}: {_sentence(content, error.errors()[0])}.") from None
+    except ValueError as error:
+        raise InputError(f"{path.name}: {error}.") from None
+    return Claims(
+        alpha=file.alpha,
+        power=file.power,
+        planned_seeds=file.planned_seeds,
+        interim_alpha=file.interim_alpha,
+        smallest_effect=file.smallest_effect,
+        baselines=tuple(file.baselines),
+        tasks=tasks,
+        claims=claims,
+    )
 
 
-def _claim(file: str, entry: Any) -> Claim:
-    name = entry.get("name") if isinstance(entry, dict) else None
-    if not isinstance(name, str):
-        raise InputError(f"{file}: every claim needs a name; found {entry!r}.")
-    if entry.get("kind") not in _ROLES:
-        raise InputError(f"{file}: claim {name}: kind should be {' or '.join(_ROLES)}, found {entry.get('kind')!r}.")
-    if entry.get("source") not in ("paper", "user"):
-        raise InputError(f"{file}: claim {name}: source should be paper or user, found {entry.get('source')!r}.")
-    roles = _ROLES[entry["kind"]]
-    allowed = {"name", "kind", "source", "text", *(role for role, _ in roles)}
-    for role, _ in roles:
-        if not isinstance(entry.get(role), str):
-            raise InputError(f"{file}: claim {name}: {role} should name a label, found {entry.get(role)!r}.")
-    if unknown := sorted(set(entry) - allowed):
-        raise InputError(f"{file}: claim {name}: there is no key {unknown[0]}.")
-    arms = tuple(entry[role] for role, _ in roles)
-    return Claim(name, str(entry.get("text", name)), entry["kind"], entry["source"], arms, tuple(w for _, w in roles))
+def _sentence(content: dict[str, Any], error: Any) -> str:
+    """Where the first mistake is, what was found, and what would be right."""
+    place, kind = list(error["loc"]), error["type"]
+    where = ""
+    if place[:1] == ["claims"] and len(place) > 1:
+        entry = content["claims"][place[1]]
+        name = entry.get("name") if isinstance(entry, dict) else None
+        where = f"claim {name if isinstance(name, str) else place[1] + 1}: "
+        place = place[3:]  # without claims, its index and its kind
+    key = ".".join(str(part + 1 if isinstance(part, int) else part) for part in place)
+    if kind == "extra_forbidden":
+        return f"{where}there is no key {key}"
+    if kind == "missing":
+        return f"{where}the key {key} is missing"
+    if kind == "value_error":
+        return str(error["ctx"]["error"])
+    if kind in ("union_tag_invalid", "union_tag_not_found"):
+        found = error["input"].get("kind") if isinstance(error["input"], dict) else error["input"]
+        return f"{where}kind should be difference or interaction, found {found!r}"
+    if kind == "model_attributes_type":
+        return f"{where}should be a mapping with name, kind, source and labels, found {error['input']!r}"
+    message = error["msg"].removeprefix("Input ")
+    return f"{where}{key} {message}, found {error['input']!r}"

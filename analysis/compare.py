@@ -13,10 +13,10 @@ from analysis.data.errors import InputError
 from analysis.data.flatten import differing_keys
 from analysis.data.names import algorithm_name, task_name
 from analysis.data.study import Study, read_study
+from analysis.hypothesis_tests import welch_contrast
 from analysis.improvement import SEPARATED, improvement_with_interval
 from analysis.metrics import hedges_g
 from analysis.tables import Column, Table, number, p_value, pair, spread, text
-from analysis.tests_of_claims import MINIMUM_SEEDS, welch_contrast
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ def compare(a: Side, b: Side, algo: str | None = None) -> tuple[Table, list[str]
 def _row(a: Cell, b: Cell, tested: bool) -> dict[str, object]:
     contrast, improvement, effect = welch_contrast([a.final, b.final], (1.0, -1.0)), "–", np.nan
     if a.n and b.n and tested:
-        improvement = pair(*improvement_with_interval([a.final], [b.final], MINIMUM_SEEDS), 2)
+        improvement = pair(*improvement_with_interval([a.final], [b.final]), 2)
         effect = hedges_g(a.final, b.final)
     difference = pair(contrast.estimate, contrast.low, contrast.high) if tested else "–"
     shown = [

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from matplotlib import pyplot as plt
 
-from analysis.claims_file import FILE, read_claims
+from analysis.claims_file import claims_path, read_claims
 from analysis.data.cells import cells_of
 from analysis.data.names import ordered_algorithms
 from analysis.data.study import Study
@@ -41,9 +41,9 @@ FIGURES = (
 )
 
 
-def build(study: Study, folder: Path, claims_path: Path = FILE) -> list[Drawing]:
+def build(study: Study, folder: Path, claims_file: Path | None = None) -> list[Drawing]:
     """Draw everything for every algorithm of a study and write ``results/<study>/figures/``."""
-    claims, cells, drawings = read_claims(claims_path), cells_of(study), []
+    claims, cells, drawings = read_claims(claims_path(folder, claims_file)), cells_of(study), []
     with plt.rc_context(RC), replaced_folder(folder / "figures") as out:
         for algo in ordered_algorithms(study.runs["algo"]):
             for draw in FIGURES:

@@ -10,8 +10,8 @@ from analysis.data.cells import Cell, select
 from analysis.data.names import actor_name, algorithm_name, ordered_arms, task_name
 from analysis.data.study import Study
 from analysis.figures.drawing import Drawing
+from analysis.hypothesis_tests import INTERVAL_SEEDS, t_interval
 from analysis.style import looks, panels
-from analysis.tests_of_claims import MINIMUM_SEEDS, t_interval
 
 
 def draw(study: Study, cells: list[Cell], algo: str, claims: Claims) -> list[Drawing]:
@@ -19,7 +19,7 @@ def draw(study: Study, cells: list[Cell], algo: str, claims: Claims) -> list[Dra
     name, title = f"final-{algo}", f"Final performance by seed, {algorithm_name(algo)}"
     caption = (
         "Each point is a run: the mean of its evaluations in the last 10% of its steps. Vertical bar: mean over seeds; "
-        f"line: its 95% t interval (from {MINIMUM_SEEDS} seeds on). Crosses are diverged runs with their last value "
+        f"line: its 95% t interval (from {INTERVAL_SEEDS} seeds on). Crosses are diverged runs with their last value "
         "carried forward."
     )
     here = [cell for cell in select(cells, algo) if cell.n]

@@ -6,12 +6,13 @@ import numpy as np
 import pandas as pd
 
 from analysis import bootstrap
-from analysis.claims_file import Claim, Claims
+from analysis.claims_file import Claim, Claims, Family, Kind
 from analysis.data.cells import Cell, select
 from analysis.data.confounds import confounds
 from analysis.data.names import actor_name, algorithm_name, task_name
 from analysis.data.study import Study
 from analysis.figures.drawing import Drawing
+from analysis.hypothesis_tests import INTERVAL_SEEDS
 from analysis.improvement import SEPARATED, improvement_with_interval
 from analysis.style import panels
 
@@ -22,13 +23,13 @@ def draw(study: Study, cells: list[Cell], algo: str, claims: Claims) -> list[Dra
     rows: list[dict[str, object]] = []
     unequal: list[str] = []
     for claim in claims.claims:
-        if claim.kind == "difference":
+        if claim.kind is Kind.DIFFERENCE:
             rows += _rows(study, cells, algo, claim, claims, unequal)
     caption = (
         "Probability that a run of the first actor ends better than a run of the second, ties half, on the claims' "
         "tasks; "
         "diamond: the mean over so many of them. Lines: 95% stratified bootstrap interval (from "
-        f"{claims.minimum_seeds} seeds in both). {bootstrap.FEW_SEEDS} {SEPARATED} At 0.5 neither is better. Final "
+        f"{INTERVAL_SEEDS} seeds in both). {bootstrap.FEW_SEEDS} {SEPARATED} At 0.5 neither is better. Final "
         "performance."
     )
     skipped = (
@@ -74,7 +75,7 @@ def _rows(
     label = f"{actor_name(claim.arms[0])} > {actor_name(claim.arms[1])}"
     for env in claims.tasks:
         found = [select(cells, algo, env, arm) for arm in claim.arms]
-        if not all(f and f[0].n and (f[0].paper or claim.source == "user") for f in found):
+        if not all(f and f[0].n and (f[0].paper or claim.family is not Family.DECLARED) for f in found):
             continue
         if differing := confounds(study, algo, env, claim.arms):
             unequal.append(f"{label} on {task_name(env)} ({', '.join(differing)})")
@@ -86,7 +87,7 @@ def _rows(
     rows: list[dict[str, object]] = []
     for where, group in groups.items():
         x, y = [a for a, _ in group], [b for _, b in group]
-        value, low, high = improvement_with_interval(x, y, claims.minimum_seeds)
+        value, low, high = improvement_with_interval(x, y)
         n = "; ".join(f"{len(a)} against {len(b)}" for a, b in group)
         rows.append({"pair": label, "where": where, "n": n, "probability": value, "low": low, "high": high})
     return rows

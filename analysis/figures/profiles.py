@@ -11,9 +11,9 @@ from analysis.data.cells import Cell
 from analysis.data.names import actor_name, algorithm_name, task_name
 from analysis.data.study import Study
 from analysis.figures.drawing import Drawing
+from analysis.hypothesis_tests import INTERVAL_SEEDS
 from analysis.statistics.aggregates import complete_arms, left_out, scores_of, tasks_of
 from analysis.style import legend_below, looks, panels
-from analysis.tests_of_claims import MINIMUM_SEEDS
 
 
 def draw(study: Study, cells: list[Cell], algo: str, claims: Claims) -> list[Drawing]:
@@ -44,7 +44,7 @@ def draw(study: Study, cells: list[Cell], algo: str, claims: Claims) -> list[Dra
     for arm in arms:
         curve = bootstrap.profile(scores[arm], thresholds)
         low = high = np.full(len(thresholds), np.nan)
-        if min(map(len, scores[arm])) >= MINIMUM_SEEDS:
+        if min(map(len, scores[arm])) >= INTERVAL_SEEDS:
             low, high = bootstrap.profile_interval(scores[arm], thresholds)
             axis.fill_between(thresholds, low, high, color=style[arm].color, alpha=0.13, linewidth=0)
         n = "/".join(str(len(values)) for values in scores[arm])

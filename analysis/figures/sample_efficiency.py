@@ -11,10 +11,10 @@ from analysis.data.cells import Cell, select
 from analysis.data.names import actor_name, algorithm_name, task_name
 from analysis.data.study import Study
 from analysis.figures.drawing import Drawing
+from analysis.hypothesis_tests import INTERVAL_SEEDS
 from analysis.references import normalised
 from analysis.statistics.aggregates import complete_arms, left_out, tasks_of
 from analysis.style import legend_below, looks, panels, step_axis
-from analysis.tests_of_claims import MINIMUM_SEEDS
 
 
 def draw(study: Study, cells: list[Cell], algo: str, claims: Claims) -> list[Drawing]:
@@ -46,8 +46,8 @@ def draw(study: Study, cells: list[Cell], algo: str, claims: Claims) -> list[Dra
         steps = sorted(set(shared[0]).intersection(*shared[1:]))
         if not steps:
             continue
-        scores = [normalised(cell.returns[:, np.isin(cell.steps, steps)], algo, cell.env) for cell in found]
-        enough = min(cell.n for cell in found) >= MINIMUM_SEEDS
+        scores = [normalised(cells, cell.returns[:, np.isin(cell.steps, steps)], algo, cell.env) for cell in found]
+        enough = min(cell.n for cell in found) >= INTERVAL_SEEDS
         values, low, high = bootstrap.curve_interval(scores, bootstrap.iqm)
         if not enough:
             low = high = np.full(len(values), np.nan)

@@ -13,8 +13,8 @@ from analysis.data.cells import Cell, select
 from analysis.data.names import actor_name, algorithm_name, task_name
 from analysis.data.study import Study, flat_configuration
 from analysis.figures.drawing import Drawing
+from analysis.hypothesis_tests import t_interval
 from analysis.style import looks, panels
-from analysis.tests_of_claims import t_interval
 
 
 def draw(study: Study, cells: list[Cell], algo: str, claims: Claims) -> list[Drawing]:

@@ -13,9 +13,9 @@ from analysis import bootstrap
 from analysis.claims_file import Claims
 from analysis.data.cells import Cell, select
 from analysis.data.names import actor_name, algorithm_name, ordered, ordered_arms, task_name
+from analysis.hypothesis_tests import INTERVAL_SEEDS
 from analysis.references import normalised, references, scale
 from analysis.tables import Column, Table, pair, text
-from analysis.tests_of_claims import MINIMUM_SEEDS
 
 METRICS = {
     "iqm": ("IQM", bootstrap.iqm),
@@ -27,14 +27,14 @@ METRICS = {
 
 def tasks_of(cells: list[Cell], algo: str, claims: Claims) -> list[str]:
     """The tasks that aggregates of an algorithm are over: the claims' that have a reference and a finished run."""
-    finished = {cell.env for cell in select(cells, algo) if cell.n and scale(algo, cell.env)}
+    finished = {cell.env for cell in select(cells, algo) if cell.n and scale(cells, algo, cell.env)}
     return ordered(finished & set(claims.tasks), claims.tasks)
 
 
 def scores_of(cells: list[Cell], algo: str, arm: str) -> dict[str, np.ndarray]:
     """Normalised final performance ``[seeds]`` by task."""
-    found = [cell for cell in select(cells, algo, arm=arm) if cell.n and scale(algo, cell.env)]
-    return {cell.env: normalised(cell.final, algo, cell.env) for cell in found}
+    found = [cell for cell in select(cells, algo, arm=arm) if cell.n and scale(cells, algo, cell.env)]
+    return {cell.env: normalised(cells, cell.final, algo, cell.env) for cell in found}
 
 
 def complete_arms(cells: list[Cell], algo: str, claims: Claims) -> list[str]:
@@ -75,7 +75,7 @@ def table(cells: list[Cell], claims: Claims) -> Table:
                 "tasks": ", ".join(map(task_name, (e for e in tasks if e in scores))),
                 "remark": f"not comparable: no finished run on {', '.join(lacking)}" if lacking else "",
             }
-            enough = min(map(len, values)) >= MINIMUM_SEEDS
+            enough = min(map(len, values)) >= INTERVAL_SEEDS
             for key, (_, statistic) in METRICS.items():
                 low, high = bootstrap.interval(values, statistic) if enough else (np.nan, np.nan)
                 row |= {key: bootstrap.point(values, statistic), f"{key}_low": low, f"{key}_high": high}
@@ -95,7 +95,7 @@ def table(cells: list[Cell], claims: Claims) -> Table:
         f"episodes), 100 a published artificial network after {references()['published']['steps']:,} steps (TD3: "
         f"{sources['td3']['source']}: a maximum over training, which a final performance hardly reaches. SAC: "
         f"{sources['sac']['source']}). Tasks weigh the same. 95% intervals: stratified bootstrap over seeds, "
-        f"{bootstrap.REPETITIONS:,} resamples, from {MINIMUM_SEEDS} seeds on. {bootstrap.FEW_SEEDS} IQM: the middle "
+        f"{bootstrap.REPETITIONS:,} resamples, from {INTERVAL_SEEDS} seeds on. {bootstrap.FEW_SEEDS} IQM: the middle "
         f"half "
         f"of all runs. {bootstrap.NOTHING_TRIMMED}"
     )

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.claims_file import Claims
-from analysis.data.cells import Cell
+from analysis.data.cells import Cell, select
 from analysis.data.confounds import confounds
 from analysis.data.names import actor_name, algorithm_name, task_name
 from analysis.data.study import Study
@@ -19,7 +19,7 @@ def notes(study: Study, cells: list[Cell], claims: Claims) -> list[str]:
     """About runs that did not finish, then about tasks, learning rates, variants."""
     found = [note for cell in cells for note in _not_finished(study, cell)]
     for algo, env in dict.fromkeys((cell.algo, cell.env) for cell in cells):
-        found += _of_task(study, [cell for cell in cells if (cell.algo, cell.env) == (algo, env)], claims)
+        found += _of_task(study, cells, algo, env, claims)
     for algo in dict.fromkeys(cell.algo for cell in cells):
         found += _learning_rates(study, [cell for cell in cells if cell.algo == algo and cell.paper], algo)
     variants = sorted({actor_name(cell.arm) for cell in cells if not cell.paper})
@@ -57,8 +57,8 @@ def _reached(run: object) -> str:
     return f"{0 if pd.isna(step) else int(step):,} of {int(run.total_steps):,} steps"  # type: ignore[attr-defined]
 
 
-def _of_task(study: Study, here: list[Cell], claims: Claims) -> list[str]:
-    algo, env = here[0].algo, here[0].env
+def _of_task(study: Study, every: list[Cell], algo: str, env: str, claims: Claims) -> list[str]:
+    here = select(every, algo, env)
     name, paper = f"{algorithm_name(algo)}, {task_name(env)}", tuple(cell.arm for cell in here if cell.paper)
     phrases = confounds(study, algo, env, paper) if paper else []
     found = [f"{name}: settings differ between actors: {phrase}." for phrase in phrases]
@@ -74,7 +74,7 @@ def _of_task(study: Study, here: list[Cell], claims: Claims) -> list[str]:
             )
     if env not in claims.tasks:
         found.append(f"{name}: no claim is about this task; it is drawn and tabulated only.")
-    if scale(algo, env) is None:
+    if scale(every, algo, env) is None:
         found.append(f"{name}: no reference score, so it has no part in what is computed over tasks.")
     return found
 

@@ -10,9 +10,9 @@ from analysis.bootstrap import FEW_SEEDS, NOTHING_TRIMMED, interval, iqm, point
 from analysis.claims_file import Claims
 from analysis.data.cells import Cell, select
 from analysis.data.names import ACTORS, actor_name, algorithm_name, ordered_arms, ordered_tasks, task_name
+from analysis.hypothesis_tests import INTERVAL_SEEDS, t_interval
 from analysis.references import references
 from analysis.tables import Column, Table, number, pair, spread, text
-from analysis.tests_of_claims import MINIMUM_SEEDS, t_interval
 
 _WHERE: list[Column] = [("algorithm", "Algorithm", text), ("task", "Task", text), ("actor", "Actor", text)]
 FINAL = (
@@ -73,7 +73,7 @@ def final_table(cells: list[Cell]) -> Table:
     """Final performance in full: mean, std, IQM, with and without diverged runs."""
     rows = []
     for cell in cells:
-        enough = cell.n >= MINIMUM_SEEDS
+        enough = cell.n >= INTERVAL_SEEDS
         low, high = interval([cell.final], iqm) if enough else (np.nan, np.nan)
         centre = point([cell.final], iqm) if cell.n else np.nan
         mean_low, mean_high = t_interval(cell.final)
@@ -112,7 +112,7 @@ def final_table(cells: list[Cell]) -> Table:
         ("unfinished", "Unfinished", number()),
     ]
     caption = (
-        f"{FINAL} Mean [95%]: Student's t. IQM over seeds with its bootstrap interval. Both from {MINIMUM_SEEDS} "
+        f"{FINAL} Mean [95%]: Student's t. IQM over seeds with its bootstrap interval. Both from {INTERVAL_SEEDS} "
         f"seeds on. "
         f"{FEW_SEEDS} {NOTHING_TRIMMED} Unfinished runs stand in curves only."
     )

@@ -1,214 +1,239 @@
-"""The tables of verdicts: each claim over all tasks, and each claim x task row."""
+"""The tables of verdicts: each claim (layer 1), and each claim on each task (layer 2)."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import dataclasses
+import math
+from enum import Enum
 from functools import partial
+from typing import Any
 
 import pandas as pd
 
 from analysis.bootstrap import FEW_SEEDS
-from analysis.claims import Overall, Row
-from analysis.claims_file import Claims
-from analysis.data.names import actor_name, algorithm_name, task_name
+from analysis.claims_file import Family
+from analysis.data.names import algorithm_name, task_name
 from analysis.improvement import SEPARATED
 from analysis.tables import Column, Table, number, p_value, pair, text
-from analysis.tests_of_claims import detectable_effect
-from analysis.untested import summary
+from analysis.verdicts import AlgorithmsResult, ClaimResult, Judgement, TaskResult, Verdict, wording
 
 
-def overall_table(results: list[Overall], rows: list[Row], title: str) -> Table:
-    """One row per claim: the verdict "on every "
-    "task"; where nothing could be tested, one sentence. The CSV has a row per
-    algorithm too.
-    """
-    frame = pd.DataFrame(
-        [
-            {
-                "algo": " and ".join(algorithm_name(algo) for algo in r.algo.split(" and ")),
-                "claim": r.claim.text,
-                "source": r.claim.source,
-                "verdict": r.verdict,
-                "why": r.why,
-                "name": r.claim.name,
-            }
-            for r in results
-        ],
-        columns=["algo", "claim", "source", "verdict", "why", "name"],
-    )
-    columns: list[Column] = [
-        ("algo", "Algorithm", text),
-        ("claim", "Claim, on every task", text),
-        *_source(results),
-        ("verdict", "Verdict", text),
-        ("why", "Why", text),
-    ]
-    caption = (
-        "Supported: every task of the claim supports it. Contradicted: a task contradicts it. Else undecided. "
-        "“Undecided” says that these runs do not tell, not that the actors are equal."
-    )
-    untested = [row for row in rows if row.reason]
-    if untested:
-        caption += (
-            f" What is not testable on a task cannot be supported on every task by this study. {_reasons(untested)}"
-        )
-    together = [" and " in result.algo for result in results]  # a row for all algorithms, which holds what theirs say
-    instead = ""
-    if rows and all(row.reason for row in rows):
-        claims = len({row.claim.name for row in rows})
-        instead = f"None of the {claims} claims can be tested with these runs. {_reasons(rows)}"
-    empty = "No runs, so no verdicts."
-    shown = frame[together] if any(together) else None
-    return Table("verdicts", "verdicts", title, caption, frame, columns, empty, display=shown, instead=instead)
-
-
-def _source(items: Sequence[Overall | Row]) -> list[Column]:
-    """A column that tells a user's claims from the paper's, where there are any."""
-    return [("source", "Source", text)] if any(item.claim.source == "user" for item in items) else []
-
-
-def _reasons(rows: Sequence[Row]) -> str:
-    """Why rows could not be tested, by algorithm."""
-    algos = dict.fromkeys(row.algo for row in rows)
-    return " ".join(f"{algorithm_name(a)}: {summary(row for row in rows if row.algo == a)}." for a in algos)
-
-
-def rule(rows: list[Row], claims: Claims) -> list[str]:
-    """The verdict rule and its power, with this file's alpha and power and this study's number of tests."""
-    tests = max([sum(not row.reason for row in rows if row.algo == algo) for algo in {r.algo for r in rows}], default=0)
-    few = claims.minimum_seeds
-    effects = []
-    for n in dict.fromkeys((10, few)):
-        single = detectable_effect(n, claims.alpha, claims.power)
-        corrected = detectable_effect(n, claims.alpha / tests, claims.power) if tests > 1 else None
-        holm = f" ({corrected:.1f} at the first step of Holm's correction over {tests} tests)" if corrected else ""
-        effects.append(f"{n} against {n} seeds: {single:.1f} standard deviations{holm}")
-    return [
-        "Seeds are the unit. Final performance is compared by Welch's test, two-sided; Holm's correction runs over all "
-        f"claim × task rows of one algorithm. Supported: adjusted p below {claims.alpha:g} in the claimed direction. "
-        f"Contradicted: the same in the other direction. Else undecided, and with fewer than {few} seeds in an arm "
-        "undecided without an interval. “On every task” needs every task of the claim. “No difference detected” is not "
-        "“equal”. Variants (labels with changed keys) never enter a claim about the paper's actors.",
-        f"The true difference that a single test detects with {claims.power:.0%} power at alpha {claims.alpha:g}: "
-        f"{'; '.join(effects)}.",
-    ]
-
-
-def claims_table(rows: list[Row], claims: Claims) -> Table:
-    """One row per algorithm, claim and task; printed are those that could be tested."""
-    frame = pd.DataFrame([_record(row) for row in rows], columns=list(_record_columns()))
-    tested = [not row.reason for row in rows]
+def claims_table(judgement: Judgement, title: str) -> Table:
+    """One row per algorithm and claim, and one for all algorithms where there are several."""
+    rows = [_over_algorithms(one) for one in judgement.over_algorithms]
+    rows += [_claim(one, judgement) for one in judgement.results]
+    frame = pd.DataFrame(rows, columns=list(_CLAIM))
+    judged = not judgement.too_few_seeds
+    alpha = judgement.rule.alpha
     columns: list[Column] = [
         ("algorithm", "Algorithm", text),
         ("text", "Claim", text),
-        *_source(rows),
-        ("task", "Task", text),
-        ("verdict", "Verdict", text),
-        ("shown", "Difference [95%]", str),
-        ("p", "p", partial(p_value, alpha=claims.alpha)),
-        ("adjusted_p", "p (Holm)", partial(p_value, alpha=claims.alpha)),
-        ("effect", "Hedges' g", number(2)),
-        ("improvement_shown", "P(improvement) [95%]", str),
-        ("n", "n", str),
-        ("seeds", f"Seeds per arm for {claims.power:.0%} power", str),
-        ("why", "Remark", text),
+        *_family(judgement),
+        ("shown", "Effect, points [95%]", str),
+        ("tasks", "Tasks", str),
+        ("n", "n", number()),
     ]
-    untested = [row for row in rows if row.reason]
-    hidden = (
-        f" {len(untested)} rows that cannot be tested stand in the CSV only. {_reasons(untested)}" if untested else ""
-    )
+    if judged:
+        columns += [
+            ("words", "Verdict", text),
+            ("adjusted_p", "p (Holm)", partial(p_value, alpha=alpha)),
+            ("every_task_words", "On every task", text),
+        ]
+    columns += [
+        ("seeds_needed", f"Seeds for {judgement.rule.smallest_effect:g} points", number()),
+        ("remark", "Remark", text),
+    ]
     caption = (
-        "Welch's test on final performance, two-sided; Holm's correction over all claim x task rows of one algorithm "
-        f"that could be tested; alpha {claims.alpha:g}. Intervals and Hedges' g are not adjusted for the number of "
-        f"tests. "
-        "Synergy is the interaction (both − dendrites alone) − (lateral alone − neither), a contrast of four means "
-        "with "
-        "Welch–Satterthwaite degrees of freedom; P(improvement) is not defined for it; elsewhere its interval is a "
-        "bootstrap's. "
-        f"{FEW_SEEDS} {SEPARATED} Seeds per arm at the observed effect: unadjusted / at Holm's first step (alpha "
-        f"over the "
-        "number of tests). Diverged runs count with their last value; where there are any, the remark gives the "
-        "verdict "
-        f"without them.{hidden}"
+        f"{wording.headline(judgement)} Effect: pooled over the tasks, in normalised points (100: the AAN reference), "
+        "with its unadjusted 95% interval. n: the least number of seeds in an arm. Seeds: per arm, to detect the "
+        f"smallest relevant effect with {judgement.rule.power:.0%} power at the spread seen."
     )
-    empty = f"None of these {len(rows)} rows can be tested. {_reasons(rows)}" if rows else "No runs, so no tests."
-    title = "Every claim on every task"
-    return Table("claims", "statistics", title, caption, frame, columns, empty, display=frame[tested] if rows else None)
+    untested = [task for one in judgement.results for task in one.missing]
+    if untested:
+        caption += f" Not part of an effect: {wording.exclusions(untested)}."
+    name, empty = "verdicts", "No runs, so no verdicts."
+    return Table(name, "verdicts", title, caption, frame, columns, empty)
 
 
-def _record_columns() -> tuple[str, ...]:
-    return (
-        "algo",
-        "claim",
-        "env",
-        "verdict",
-        "difference",
-        "low",
-        "high",
-        "p",
-        "adjusted_p",
-        "df",
-        "effect",
-        "improvement",
-        "improvement_low",
-        "improvement_high",
-        "n",
-        "diverged",
-        "seeds_unadjusted",
-        "seeds_adjusted",
-        "verdict_without_diverged",
-        "why",
-        "reason",
-        "algorithm",
-        "text",
-        "source",
-        "task",
-        "shown",
-        "improvement_shown",
-        "seeds",
-    )
+_CLAIM = (
+    "algo", "name", "family", "stage", "n", "planned_seeds", "effect", "low", "high", "p", "df", "adjusted_p",
+    "verdict", "equal", "equal_p", "every_task", "every_task_p", "seeds_needed", "covered", "missing",
+    "random_for_diverged", "without_diverged", "algorithm", "text", "words", "shown", "tasks", "every_task_words",
+    "remark",
+)  # fmt: skip
 
 
-def _record(row: Row) -> dict[str, object]:
-    contrast, (better, low, high) = row.contrast, row.improvement
-    why = row.why
-    if any(row.diverged):
-        arms = ", ".join(f"{actor_name(a)} {d}" for a, d in zip(row.claim.arms, row.diverged) if d)
-        why = "; ".join(filter(None, [why, f"diverged runs: {arms}; without them: {row.without_diverged}"]))
-    seeds = "–"
-    if row.verdict == "undecided" and contrast.p == contrast.p:
-        seeds = f"{_count(row.seeds_unadjusted)} / {_count(row.seeds_adjusted)}"
+def _claim(one: ClaimResult, judgement: Judgement) -> dict[str, object]:
+    planned = judgement.rule.planned_seeds
     return {
-        "algo": row.algo,
-        "claim": row.claim.name,
-        "env": row.env,
-        "verdict": row.verdict,
-        "difference": contrast.estimate,
-        "low": contrast.low,
-        "high": contrast.high,
-        "p": contrast.p,
-        "adjusted_p": row.adjusted_p,
-        "df": contrast.df,
-        "effect": row.effect,
-        "improvement": better,
-        "improvement_low": low,
-        "improvement_high": high,
-        "n": " / ".join(map(str, row.n)),
-        "diverged": " / ".join(map(str, row.diverged)),
-        "seeds_unadjusted": row.seeds_unadjusted,
-        "seeds_adjusted": row.seeds_adjusted,
-        "verdict_without_diverged": row.without_diverged,
-        "why": why,
-        "reason": row.reason,
-        "algorithm": algorithm_name(row.algo),
-        "text": row.claim.text,
-        "source": row.claim.source,
-        "task": task_name(row.env),
-        "shown": pair(contrast.estimate, contrast.low, contrast.high),
-        "improvement_shown": pair(better, low, high, 2),
-        "seeds": seeds,
+        "algo": one.algo,
+        "name": one.claim.name,
+        "family": one.claim.family,
+        "stage": one.stage,
+        "n": one.n,
+        "planned_seeds": planned,
+        "effect": one.pooled.estimate,
+        "low": one.pooled.low,
+        "high": one.pooled.high,
+        "p": one.pooled.p,
+        "df": one.pooled.df,
+        "adjusted_p": one.adjusted_p,
+        "verdict": one.verdict,
+        "equal": one.equal,
+        "equal_p": one.equal_p,
+        "every_task": one.every_task,
+        "every_task_p": one.every_task_p,
+        "seeds_needed": one.seeds_needed,
+        "covered": " ".join(one.covered),
+        "missing": " ".join(task.env for task in one.missing),
+        "random_for_diverged": one.diverged.random_score if one.diverged else None,
+        "without_diverged": one.diverged.left_out if one.diverged else None,
+        "algorithm": algorithm_name(one.algo),
+        "text": one.claim.text,
+        "words": wording.verdict_words(one),
+        "shown": pair(one.pooled.estimate, one.pooled.low, one.pooled.high, 1),
+        "tasks": wording.tasks_words(one),
+        "every_task_words": one.every_task,
+        "remark": _joined(
+            wording.stage_words(one, planned),
+            wording.divergence_words([arm for task in one.tasks for arm in task.arms], one.diverged),
+            wording.beyond_plan_words(one.tasks, planned),
+            wording.own_reference_words(one.tasks),
+        ),
     }
 
 
-def _count(seeds: int | None) -> str:
-    return "over 10,000" if seeds is None else f"{seeds:,}"
+def _over_algorithms(one: AlgorithmsResult) -> dict[str, object]:
+    return {
+        "algo": " ".join(one.algos),
+        "name": one.claim.name,
+        "family": one.claim.family,
+        "n": min(result.n for result in one.each),
+        "adjusted_p": one.adjusted_p,
+        "verdict": one.verdict,
+        "every_task": one.every_task,
+        "every_task_p": one.every_task_p,
+        "algorithm": " and ".join(map(algorithm_name, one.algos)),
+        "text": one.claim.text,
+        "words": wording.verdict_words(one),
+        "shown": "–",
+        "tasks": "–",
+        "every_task_words": one.every_task,
+        "remark": "",
+    }
+
+
+def tasks_table(judgement: Judgement) -> Table:
+    """One row per algorithm, claim and task; printed are those with an estimate."""
+    pairs = [(one, task) for one in judgement.results for task in one.tasks]
+    frame = pd.DataFrame([_task(one, task) for one, task in pairs], columns=list(_TASK))
+    measured = [not math.isnan(task.contrast.estimate) for _, task in pairs]
+    judged = any(task.verdict for _, task in pairs)
+    columns: list[Column] = [
+        ("algorithm", "Algorithm", text),
+        ("text", "Claim", text),
+        *_family(judgement),
+        ("task", "Task", text),
+        ("shown", "Difference [95%]", str),
+        ("normalised_shown", "In points [95%]", str),
+        ("n", "n", str),
+    ]
+    if judged:
+        columns += [
+            ("verdict", "Verdict", text),
+            ("adjusted_p", "p (Holm)", partial(p_value, alpha=judgement.rule.alpha)),
+        ]
+    columns += [
+        ("effect", "Hedges' g", number(2)),
+        ("improvement_shown", "P(improvement) [95%]", str),
+        ("remark", "Remark", text),
+    ]
+    untested = [task for (_, task), shown in zip(pairs, measured) if not shown]
+    hidden = f" {len(untested)} rows without an estimate stand in the CSV only." if untested else ""
+    gate = "Verdicts and p: Holm over the rows of decided claims." if judged else (
+        "No verdicts: no claim is decided on all its planned seeds."
+    )  # fmt: skip
+    caption = (
+        f"Differences of final performance with Welch's interval. {gate} Intervals and Hedges' g are not adjusted for "
+        "the number of rows. Synergy is the interaction (both − dendrites alone) − (lateral alone − neither); "
+        f"P(improvement) is not defined for it, elsewhere its interval is a bootstrap's. {FEW_SEEDS} "
+        f"{SEPARATED}{hidden}"
+    )
+    why = wording.exclusions(task for _, task in pairs)
+    empty = f"None of these {len(pairs)} rows has an estimate: {why}." if pairs else "No runs, so no tests."
+    shown = frame[measured] if pairs else None
+    return Table("claims", "statistics", "Every claim on every task", caption, frame, columns, empty, display=shown)
+
+
+_TASK = (
+    "algo", "claim", "family", "env", "verdict", "difference", "low", "high", "p", "adjusted_p", "df", "normalised",
+    "normalised_low", "normalised_high", "effect", "improvement", "improvement_low", "improvement_high", "n",
+    "beyond_plan", "diverged", "below_half", "two_humps", "random_for_diverged", "without_diverged", "reason",
+    "algorithm", "text", "task", "shown", "normalised_shown", "improvement_shown", "remark",
+)  # fmt: skip
+
+
+def _task(one: ClaimResult, task: TaskResult) -> dict[str, object]:
+    improvement = task.improvement
+    better = (improvement.probability, improvement.low, improvement.high) if improvement else (math.nan,) * 3
+    return {
+        "algo": one.algo,
+        "claim": one.claim.name,
+        "family": one.claim.family,
+        "env": task.env,
+        "verdict": task.verdict,
+        "difference": task.contrast.estimate,
+        "low": task.contrast.low,
+        "high": task.contrast.high,
+        "p": task.contrast.p,
+        "adjusted_p": task.adjusted_p,
+        "df": task.contrast.df,
+        "normalised": task.normalised.estimate,
+        "normalised_low": task.normalised.low,
+        "normalised_high": task.normalised.high,
+        "effect": task.effect,
+        "improvement": better[0],
+        "improvement_low": better[1],
+        "improvement_high": better[2],
+        "n": " / ".join(str(arm.n) for arm in task.arms),
+        "beyond_plan": " / ".join(str(arm.beyond_plan) for arm in task.arms),
+        "diverged": " / ".join(str(arm.diverged) for arm in task.arms),
+        "below_half": " / ".join(f"{arm.below_half:.3g}" for arm in task.arms),
+        "two_humps": " ".join(arm.name for arm in task.arms if arm.two_humps),
+        "random_for_diverged": task.diverged.random_score if task.diverged else None,
+        "without_diverged": task.diverged.left_out if task.diverged else None,
+        "reason": task.exclusion.reason if task.exclusion else None,
+        "algorithm": algorithm_name(one.algo),
+        "text": one.claim.text,
+        "task": task_name(task.env),
+        "shown": pair(task.contrast.estimate, task.contrast.low, task.contrast.high),
+        "normalised_shown": pair(task.normalised.estimate, task.normalised.low, task.normalised.high, 1),
+        "improvement_shown": pair(*better, 2),
+        "remark": _joined(
+            wording.exclusions([task]) if task.exclusion and one.verdict is not Verdict.TOO_FEW_SEEDS else "",
+            wording.hump_words(task),
+            wording.divergence_words(task.arms, task.diverged),
+        ),
+    }
+
+
+def _family(judgement: Judgement) -> list[Column]:
+    """A column that tells families apart, where there are several."""
+    families = {one.claim.family for one in judgement.results}
+    return [("family", "Source", lambda family: wording.FAMILIES[Family(family)])] if len(families) > 1 else []
+
+
+def _joined(*parts: str) -> str:
+    return "; ".join(filter(None, parts))
+
+
+def plain(value: Any) -> Any:
+    """A judgement as JSON: dataclasses as objects, NaN as null."""
+    if dataclasses.is_dataclass(value) or hasattr(value, "_asdict"):
+        names = value._fields if hasattr(value, "_asdict") else [field.name for field in dataclasses.fields(value)]
+        return {name: plain(getattr(value, name)) for name in names}
+    if isinstance(value, tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, Enum):
+        return value.value
+    return None if isinstance(value, float) and math.isnan(value) else value

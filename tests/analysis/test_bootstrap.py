@@ -129,7 +129,7 @@ def test_tasks_weigh_the_same_whatever_their_number_of_seeds():
 
 def test_no_interval_of_improvement_at_complete_separation():
     a, b = np.array([3.0, 4.0, 5.0]), np.array([0.0, 1.0, 2.0])
-    assert improvement_with_interval([a], [b], 3) == pytest.approx((1.0, np.nan, np.nan), nan_ok=True)
-    value, low, high = improvement_with_interval([a, a], [b, np.array([0.0, 1.0, 4.5])], 3)
+    assert improvement_with_interval([a], [b]) == pytest.approx((1.0, np.nan, np.nan), nan_ok=True)
+    value, low, high = improvement_with_interval([a, a], [b, np.array([0.0, 1.0, 4.5])])
     assert low < value < high
-    assert np.isnan(improvement_with_interval([a[:2]], [np.array([0.0, 3.5])], 3)[1])
+    assert np.isnan(improvement_with_interval([a[:2]], [np.array([0.0, 3.5])])[1])
