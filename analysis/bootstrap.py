@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-import scipy.stats
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -25,28 +24,31 @@ FEW_SEEDS = (
     "time with 3 seeds, 83% with 5, 89% with 10."
 )
 #: For captions of interquartile means.
-NOTHING_TRIMMED = "Of 3 runs the IQM trims nothing: it is their mean."
+IQM = "IQM: the mean of the runs' middle half, tasks weighing the same; a run at its edge counts in part."
 #: A statistic takes one ``[repetitions, seeds of the task]`` array per task and gives ``[repetitions]``.
 Statistic = Callable[[list[Array]], Array]
 
 
 def iqm(tasks: list[Array]) -> Array:
-    """Interquartile mean over all runs and tasks: the 25% trimmed mean of the pooled scores.
+    """Interquartile mean over all runs and tasks: of the pooled scores, without a quarter of the weight at each end.
 
-    Tasks weigh the same: with unequal numbers of seeds each run weighs one over its task's number, and a share of
-    ``floor(N / 4) / N`` of the weight is cut at each end, what SciPy's trimmed mean cuts of ``N`` equal runs.
+    Tasks weigh the same, so a run weighs one over its task's number of runs; a run at the edge counts in part. Equal to
+    SciPy's ``trim_mean(0.25)`` and rliable's where all tasks have as many runs and their total is a multiple of 4; else
+    those cut less than a quarter.
     """
     pooled = np.concatenate(tasks, axis=1)
-    lengths = [task.shape[1] for task in tasks]
-    if len(set(lengths)) == 1:
-        return np.asarray(scipy.stats.trim_mean(pooled, 0.25, axis=1))
-    total = sum(lengths)
-    weights = np.concatenate([np.full(n, 1 / (n * len(lengths))) for n in lengths])
+    weights = np.concatenate([np.full(task.shape[1], 1 / (task.shape[1] * len(tasks))) for task in tasks])
+    if len({task.shape[1] for task in tasks}) == 1:  # equal weights, whatever the order
+        return np.asarray(np.sort(pooled, axis=1) @ _middle_half(weights))
     order = np.argsort(pooled, axis=1, kind="stable")
-    values, weights = np.take_along_axis(pooled, order, axis=1), weights[order]
-    upper, cut = np.cumsum(weights, axis=1), (total // 4) / total
-    kept = np.clip(np.minimum(upper, 1 - cut) - np.maximum(upper - weights, cut), 0, None)
-    return np.asarray((values * kept).sum(axis=1) / kept.sum(axis=1))
+    values = np.take_along_axis(pooled, order, axis=1)
+    return np.asarray((values * _middle_half(weights[order])).sum(axis=1))
+
+
+def _middle_half(weights: Array) -> Array:
+    """What is left of ordered weights ``[..., runs]``, whose sum is 1, between 0.25 and 0.75; its sum is 1 again."""
+    upper = np.cumsum(weights, axis=-1)
+    return 2 * np.clip(np.minimum(upper, 0.75) - np.maximum(upper - weights, 0.25), 0, None)
 
 
 def mean(tasks: list[Array]) -> Array:

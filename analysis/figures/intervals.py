@@ -24,7 +24,7 @@ def draw(study: Study, cells: list[Cell], algo: str, claims: Claims) -> list[Dra
         f"Normalised final performance over {', '.join(map(task_name, tasks)) or 'no task'}: 0 a random policy, 100 a "
         "published AAN after 1,000,000 steps. Points: the aggregate; bars: 95% stratified bootstrap intervals over "
         "seeds "
-        f"(none below three seeds). {bootstrap.FEW_SEEDS} {bootstrap.NOTHING_TRIMMED} Higher is better, except for the "
+        f"(none below three seeds). {bootstrap.FEW_SEEDS} {bootstrap.IQM} Higher is better, except for the "
         "optimality gap. Only actors with finished runs on all of these tasks are shown."
         + left_out(cells, algo, claims)
     )

@@ -24,7 +24,7 @@ def draw(study: Study, cells: list[Cell], algo: str, claims: Claims) -> list[Dra
     caption = (
         f"Interquartile mean of normalised evaluation returns over {', '.join(map(task_name, tasks)) or 'no task'} by "
         "step; shaded: 95% stratified bootstrap interval over seeds (from three seeds on). "
-        f"{bootstrap.FEW_SEEDS} {bootstrap.NOTHING_TRIMMED} Not smoothed. Finished runs and diverged ones; only "
+        f"{bootstrap.FEW_SEEDS} {bootstrap.IQM} Not smoothed. Finished runs and diverged ones; only "
         f"steps at "
         "which all of an actor's runs were evaluated." + left_out(cells, algo, claims)
     )

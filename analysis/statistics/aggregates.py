@@ -97,7 +97,7 @@ def table(cells: list[Cell], claims: Claims) -> Table:
         f"{sources['sac']['source']}). Tasks weigh the same. 95% intervals: stratified bootstrap over seeds, "
         f"{bootstrap.REPETITIONS:,} resamples, from {INTERVAL_SEEDS} seeds on. {bootstrap.FEW_SEEDS} IQM: the middle "
         f"half "
-        f"of all runs. {bootstrap.NOTHING_TRIMMED}"
+        f"of all runs. {bootstrap.IQM}"
     )
     frame = pd.DataFrame(rows) if rows else pd.DataFrame(columns=[key for key, _, _ in columns])
     return Table(

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from analysis import metrics
-from analysis.bootstrap import FEW_SEEDS, NOTHING_TRIMMED, interval, iqm, point
+from analysis.bootstrap import FEW_SEEDS, IQM, interval, iqm, point
 from analysis.claims_file import Claims
 from analysis.data.cells import Cell, select
 from analysis.data.names import ACTORS, actor_name, algorithm_name, ordered_arms, ordered_tasks, task_name
@@ -114,7 +114,7 @@ def final_table(cells: list[Cell]) -> Table:
     caption = (
         f"{FINAL} Mean [95%]: Student's t. IQM over seeds with its bootstrap interval. Both from {INTERVAL_SEEDS} "
         f"seeds on. "
-        f"{FEW_SEEDS} {NOTHING_TRIMMED} Unfinished runs stand in curves only."
+        f"{FEW_SEEDS} {IQM} Unfinished runs stand in curves only."
     )
     keys = [key for key, _, _ in columns]
     frame = pd.DataFrame(rows) if rows else pd.DataFrame(columns=keys)

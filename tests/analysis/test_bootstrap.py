@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import scipy.stats
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rliable import library
@@ -19,6 +20,20 @@ TASKS = list(SCORES.T)
 def test_iqm_by_hand():
     # 8 pooled scores; a quarter cut at each end leaves 3, 4, 5, 6
     assert bootstrap.point([np.array([1.0, 2, 3, 4]), np.array([5.0, 6, 7, 100])], bootstrap.iqm) == 4.5
+
+
+def test_iqm_cuts_exactly_a_quarter_of_the_weight_by_hand():
+    # 5 equal runs: a quarter is a run and a quarter of the next; 0.75 of 2, all of 3, 0.75 of 7 are left
+    assert bootstrap.point([np.array([1.0, 2, 3, 7, 90])], bootstrap.iqm) == pytest.approx((1.5 + 3 + 5.25) / 2.5)
+    # task A: two runs of weight 1/4, task B: three of 1/6; sorted 0 (B), 1 (A), 2 (B), 3 (B), 8 (A)
+    # cut: all of 0 and a third of 1; above, a quarter is exactly 8: left 1/6 of 1, 1/6 of 2, 1/6 of 3
+    assert bootstrap.point([np.array([1.0, 8]), np.array([0.0, 2, 3])], bootstrap.iqm) == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("runs", [4, 8, 12])
+def test_iqm_is_scipys_trimmed_mean_where_the_runs_are_a_multiple_of_four(runs):
+    scores = GENERATOR.normal(size=runs)
+    assert bootstrap.point([scores], bootstrap.iqm) == pytest.approx(scipy.stats.trim_mean(scores, 0.25))
 
 
 def test_points_equal_rliable():
