@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -21,11 +22,13 @@ how-to."""
 
 def _collect(options: argparse.Namespace) -> None:
     from analysis.data.collected import collect
+    from analysis.data.outcome import Outcome
 
     study = collect(options.study)
     counts = study.runs["counts_as"].value_counts()
-    shown = ", ".join(f"{counts.get(kind, 0)} {kind}" for kind in ("finished", "diverged", "unfinished"))
-    print(f"{options.study}/collected: {shown}; {len(study.warnings)} note(s)")
+    shown = ", ".join(f"{counts.get(kind, 0)} {kind}" for kind in Outcome)
+    refused = f", {len(study.refused)} cell(s) refused" if study.refused else ""
+    print(f"{options.study}/collected: {shown}{refused}; {len(study.warnings)} note(s)")
     for note in study.warnings[:10]:
         print(f"  {note}", file=sys.stderr)
     if len(study.warnings) > 10:
@@ -84,6 +87,11 @@ def _print_table(headers: list[str], rows: list[list[str]]) -> None:
         print("  ".join(value.ljust(width) for value, width in zip(line, widths)).rstrip())
 
 
+def _path(given: str) -> Path:
+    """``~`` is the home folder also where the shell leaves it alone; else paths start where the command is typed."""
+    return Path(given).expanduser()
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m analysis",
@@ -98,7 +106,7 @@ def _parser() -> argparse.ArgumentParser:
         command.set_defaults(function=function)
         return command
 
-    study = {"type": Path, "metavar": "results/STUDY", "help": "the study's folder; its run directories lie in runs/"}
+    study = {"type": _path, "metavar": "results/STUDY", "help": "the study's folder; its run directories lie in runs/"}
     stages: tuple[tuple[str, str, Callable[[argparse.Namespace], None]], ...] = (
         ("report", "all four stages: collect, figures, statistics, render", _report),
         ("collect", "read and check the run directories; write collected/", _collect),
@@ -111,14 +119,17 @@ def _parser() -> argparse.ArgumentParser:
         command.add_argument("study", **study)  # type: ignore[arg-type]
         if name in ("report", "figures", "statistics"):
             command.add_argument(
-                "--claims", type=Path, help="another claims file than the study's own or analysis/claims.yaml"
+                "--claims", type=_path, help="another claims file than the study's own or analysis/claims.yaml"
             )
     command = add("compare", "set two labels, or two studies, side by side", _compare)
     command.add_argument(
-        "a", metavar="A", help="a study (results/paper), a label of one (results/paper:bptsan), or a label of --study"
+        "a",
+        type=os.path.expanduser,
+        metavar="A",
+        help="a study (results/paper), a label of one (results/paper:bptsan), or a label of --study",
     )
-    command.add_argument("b", metavar="B", help="the same")
-    command.add_argument("--study", type=Path, help="the study that bare labels belong to")
+    command.add_argument("b", type=os.path.expanduser, metavar="B", help="the same")
+    command.add_argument("--study", type=_path, help="the study that bare labels belong to")
     command.add_argument("--algo", help="only this algorithm, such as td3")
     command.add_argument("--format", choices=("text", "csv", "latex"), default="text")
     return parser
@@ -131,6 +142,11 @@ def main(arguments: list[str] | None = None) -> int:
         options.function(options)
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
+        return 2
+    except OSError as error:
+        if error.filename is None:
+            raise
+        print(f"error: {error.filename}: {error.strerror}.", file=sys.stderr)
         return 2
     return 0
 

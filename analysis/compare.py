@@ -69,8 +69,13 @@ def compare(a: Side, b: Side, algo: str | None = None) -> tuple[Table, list[str]
             if (cell.algo, cell.env) != (other.algo, other.env) or not same_label:
                 continue
             where = f"{algorithm_name(cell.algo)}, {task_name(cell.env)}, {cell.arm} / {other.arm}"
-            keys = [s.study.configurations[f"{c.algo}/{c.env}/{c.arm}"] for s, c in ((a, cell), (b, other))]
-            differing = differing_keys(keys[0], keys[1])
+            name, its_name = (f"{c.algo}/{c.env}/{c.arm}" for c in (cell, other))
+            differing = differing_keys(
+                a.study.configurations[name],
+                b.study.configurations[its_name],
+                a.study.hashed_keys.get(name),
+                b.study.hashed_keys.get(its_name),
+            )
             unequal = cell.training_steps != other.training_steps
             remarks = [
                 f"unequal training, {cell.training_steps:,} against {other.training_steps:,} steps: not comparable"

@@ -55,6 +55,8 @@ def _status(study: Study, algo: str) -> str:
     if len(waiting):
         furthest = int(waiting["step"].fillna(0).max())
         words.append(f"{len(waiting)} unfinished, the furthest at step {furthest:,}")
+    if refused := sum(cell.algo == algo for cell in study.refused):
+        words.append(f"{refused} more cell{'s' * (refused > 1)} refused for mixing configurations (see the notes)")
     return (
         f"{algorithm_name(algo)}: {lengths} steps a run (the paper: {protocol()['steps']:,}); {seeds} per cell started "
         f"(the paper: {protocol()['seeds']}); {', '.join(words)}."

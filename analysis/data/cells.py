@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from analysis import metrics
 from analysis.data.names import ordered_algorithms, ordered_arms, ordered_tasks
+from analysis.data.outcome import Outcome, counts
 from analysis.data.study import Study
 
 Array = NDArray[np.float64]
@@ -73,8 +74,8 @@ def _in_order(runs: pd.DataFrame) -> Iterator[tuple[str, str, str]]:
 
 
 def _cell(algo: str, env: str, arm: str, runs: pd.DataFrame, evaluations: pd.DataFrame) -> Cell:
-    counted = runs[runs["counts_as"] != "unfinished"].sort_values("seed")
-    steps, returns, seeds = metrics.seed_matrix(evaluations[evaluations["counts_as"] != "unfinished"])
+    counted = runs[counts(runs)].sort_values("seed")
+    steps, returns, seeds = metrics.seed_matrix(evaluations[counts(evaluations)])
     training_steps = int(runs["training_steps"].iloc[0])
     return Cell(
         algo=algo,
@@ -86,9 +87,9 @@ def _cell(algo: str, env: str, arm: str, runs: pd.DataFrame, evaluations: pd.Dat
         steps=steps,
         returns=returns,
         final=metrics.final_performance(steps, returns, training_steps),
-        diverged=counted["counts_as"].eq("diverged").to_numpy(dtype=bool),
+        diverged=counted["counts_as"].eq(Outcome.DIVERGED).to_numpy(dtype=bool),
         unfinished=len(runs) - len(counted),
-        waiting=_waiting(runs[runs["counts_as"] == "unfinished"]),
+        waiting=_waiting(runs[~counts(runs)]),
         all_evaluations=evaluations,
     )
 

@@ -5,15 +5,18 @@ directories.
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 
 import pandas as pd
 
 from analysis.data.errors import InputError
+from analysis.data.folders import check_study
+from analysis.data.mixed import Refused
 from analysis.data.study import KEYS, Study, read_study
 from analysis.data.writing import read_csv, replaced_folder, write_csv, write_json
 
-FORMAT = 3
+FORMAT = 4
 _TEXT = ["arm", "label", "actor", "encoder", "algo", "env", "path", "cell_hash", "configuration_hash", "commit"]
 _TEXT += ["status", "counts_as", "failure", "changed_keys", "versions", "processor", "device"]
 
@@ -30,6 +33,8 @@ def collect(folder: Path) -> Study:
             "study": study.name,
             "warnings": study.warnings,
             "configurations": study.configurations,
+            "hashed_keys": study.hashed_keys,
+            "refused": [asdict(cell) for cell in study.refused],
         }
         write_json(out / "study.json", about)
     return study
@@ -42,16 +47,28 @@ def load(folder: Path) -> Study:
         InputError: it is not there, or another version of this program wrote it.
     """
     source = folder / "collected"
+    again = f"run `python -m analysis collect {folder}`"
     try:
         about = json.loads((source / "study.json").read_bytes())
-        runs = read_csv(source / "runs.csv", dtype=dict.fromkeys(_TEXT, str))
-        evaluations = read_csv(source / "evaluations.csv", dtype={"arm": str, "algo": str, "env": str})
-        training = read_csv(source / "training.csv", dtype={"arm": str, "algo": str, "env": str})
+        if about["format"] != FORMAT:
+            raise InputError(f"{source} was written by another version: {again} again.")
+        return Study(
+            about["study"],
+            runs=read_csv(source / "runs.csv", dtype=dict.fromkeys(_TEXT, str)),
+            evaluations=read_csv(source / "evaluations.csv", dtype={"arm": str, "algo": str, "env": str}),
+            training=read_csv(source / "training.csv", dtype={"arm": str, "algo": str, "env": str}),
+            configurations=about["configurations"],
+            hashed_keys=about["hashed_keys"],
+            refused=[Refused(**cell | {"seeds": tuple(cell["seeds"])}) for cell in about["refused"]],
+            warnings=about["warnings"],
+        )
+    except InputError:
+        raise
     except FileNotFoundError:
-        raise InputError(f"{folder} has not been collected: run `python -m analysis collect {folder}` first.") from None
-    if about.get("format") != FORMAT:
-        raise InputError(f"{source} was written by another version: run `python -m analysis collect {folder}` again.")
-    return Study(about["study"], runs, evaluations, training, about["configurations"], about["warnings"])
+        check_study(folder)
+        raise InputError(f"{folder} has not been collected: {again} first.") from None
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        raise InputError(f"{source} is damaged ({type(error).__name__}): {again} again.") from None
 
 
 def _six_digits(training: pd.DataFrame) -> pd.DataFrame:

@@ -1,14 +1,19 @@
-"""Nested configurations as dotted keys, and the keys in which two of them differ."""
+"""Nested configurations as dotted keys, and the keys that change numbers in which two of them differ."""
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
-#: Keys that change no number of a run: who it is, where it lies, how it is logged, how far it goes, when it saves.
-IDENTITY = frozenset(
-    {"seed", "study", "label", "results_dir", "on_conflict", "keep_replay", "dry_run", "sweeps", "protocol.name"}
-    | {"protocol.total_steps", "protocol.checkpoint_interval", "actor.name", "encoder.name"}
+#: Keys that change no number of a run, for manifests that do not list their ``hashed_keys``: the rule that the training
+#: code hashed by until it wrote that list.
+NOT_HASHED = frozenset(
+    {"study", "label", "results_dir", "on_conflict", "keep_replay", "dry_run", "sweeps", "logger", "encoder.name"}
+    | {"protocol.name", "protocol.total_steps", "protocol.checkpoint_interval"}
 )
+#: Hashed, and yet no difference between two arms: which actor, under which seed.
+WHO = frozenset({"seed", "actor.name"})
+ABSENT = "absent"
 
 
 def flatten(tree: dict[str, Any], prefix: str = "") -> dict[str, Any]:
@@ -24,13 +29,33 @@ def flatten(tree: dict[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def differing_keys(
-    a: dict[str, Any], b: dict[str, Any], ignore: frozenset[str] = IDENTITY
+    a: dict[str, Any],
+    b: dict[str, Any],
+    hashed_a: Collection[str] | None = None,
+    hashed_b: Collection[str] | None = None,
+    exempt: frozenset[str] = WHO,
 ) -> list[tuple[str, Any, Any]]:
-    """Sorted ``(key, value in a, value in b)`` where two nested configurations differ, but for identity and logging."""
-    left, right = flatten(a), flatten(b)
-    keys = sorted((left.keys() | right.keys()) - ignore)
+    """Sorted ``(key, value in a, value in b)`` where two nested configurations differ in what changes numbers.
+
+    Args:
+        a: a resolved configuration.
+        b: another.
+        hashed_a: the keys of ``a`` that change numbers, as its manifest lists them; None: ``NOT_HASHED`` rules.
+        hashed_b: the same of ``b``. A key that either of the two hashes is compared; a key added by a later version
+            of the training code is hashed only where it departs from the behaviour before it.
+        exempt: keys that are not compared.
+    """
+    left = flatten(a)
+    right = flatten(b)
+    keys = (_hashed(left, hashed_a) | _hashed(right, hashed_b)) - exempt
     return [
-        (key, left.get(key, "absent"), right.get(key, "absent"))
-        for key in keys
-        if not key.startswith("logger.") and left.get(key, "absent") != right.get(key, "absent")
+        (key, left.get(key, ABSENT), right.get(key, ABSENT))
+        for key in sorted(keys)
+        if left.get(key, ABSENT) != right.get(key, ABSENT)
     ]
+
+
+def _hashed(flat: dict[str, Any], listed: Collection[str] | None) -> set[str]:
+    if listed is not None:
+        return set(listed) & flat.keys()
+    return {key for key in flat if key not in NOT_HASHED and key.partition(".")[0] not in NOT_HASHED}

@@ -9,11 +9,14 @@ from typing import Any
 
 import pandas as pd
 
-from analysis.data.arms import arm_of, refuse_mixed_arms
-from analysis.data.errors import InputError
+from analysis.data.arms import arm_of
+from analysis.data.errors import UnreadableRunError
 from analysis.data.flatten import flatten
-from analysis.data.reading import Run, UnreadableRunError, read_run
-from analysis.data.training_steps import due, missing_at_the_end, training_steps_by_task, unequal_training
+from analysis.data.folders import check_study, run_directories
+from analysis.data.mixed import Refused, without_mixed
+from analysis.data.outcome import Judged, Outcome, counts, judge
+from analysis.data.reading import Run, read_run
+from analysis.data.training_steps import due
 
 KEYS = ["algo", "env", "arm", "seed"]
 RUN_COLUMNS = [
@@ -48,7 +51,6 @@ RUN_COLUMNS = [
     "versions",
 ]
 EVALUATION_COLUMNS = [*KEYS, "step", "return", "length", "counts_as", "carried"]
-LAYOUT = "<algo>/<env>/<label>/<encoder>/seed_<k>"
 
 
 @dataclass
@@ -61,6 +63,8 @@ class Study:
             diverged run did not live to see repeat its last value and are marked ``carried``.
         training: ``KEYS`` and the columns of ``training.csv``.
         configurations: the resolved configuration of each cell, keyed ``algo/env/arm``.
+        hashed_keys: the keys of it that change numbers, by the same key, where the manifests list them.
+        refused: cells that mix configurations; none of their runs stands in the frames.
         warnings: what a reader has to know, sentences.
     """
 
@@ -69,132 +73,114 @@ class Study:
     evaluations: pd.DataFrame
     training: pd.DataFrame
     configurations: dict[str, dict[str, Any]] = field(default_factory=dict)
+    hashed_keys: dict[str, list[str]] = field(default_factory=dict)
+    refused: list[Refused] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
 
     @property
     def counted(self) -> pd.DataFrame:
         """The runs whose results count: finished, and diverged with their last value carried forward."""
-        return self.runs[self.runs["counts_as"].isin(["finished", "diverged"])]
+        return self.runs[counts(self.runs)]
 
 
 def read_study(folder: Path) -> Study:
-    """Read ``results/<study>``; an empty or missing ``runs/`` gives an empty study with a note.
+    """Read every run directory below ``results/<study>/runs``.
 
     Raises:
-        InputError: the folder is no study, or a cell mixes configurations.
+        InputError: the folder is no study.
     """
-    if not folder.is_dir():
-        raise InputError(f"There is no folder {folder}; give the path of a study, such as results/paper.")
-    root, warnings, runs = folder / "runs", [], []
-    for path, reason in _candidates(root):
-        if reason:
-            warnings.append(f"runs/{path}: {reason}; it was left out.")
-            continue
-        try:
-            run = read_run(root / path, path)
-        except UnreadableRunError as error:
-            warnings.append(f"runs/{path}: {error}; it was left out.")
-            continue
-        runs.append(run)
-        recorded = run.manifest.get("notes")
-        warnings.extend(f"runs/{path}: {note}." for note in run.warnings)
-        warnings.extend(
-            f"runs/{path}, from its manifest: {note}" for note in (recorded if isinstance(recorded, list) else [])
-        )
-    if not runs:
+    check_study(folder)
+    readable, warnings = _read_all(folder / "runs")
+    if not readable:
         warnings.insert(0, f"There are no runs in {folder.name}/runs yet.")
-    refuse_mixed_arms(runs)
-    return _assemble(folder.name, runs, warnings)
+    runs, refused = without_mixed(readable)
+    return _assemble(folder.name, judge(runs), refused, warnings)
 
 
-def _candidates(root: Path) -> list[tuple[str, str]]:
-    """Folders below ``runs/`` in a fixed order: those that have the layout's depth, and others with what is wrong."""
-    if not root.is_dir():
-        return []
-    depth, found = LAYOUT.count("/") + 1, []
-    for path in root.rglob("*"):
-        parts = path.relative_to(root).parts
-        if not path.is_dir() or any(part.startswith(".") for part in parts) or len(parts) > depth:
+def _read_all(root: Path) -> tuple[list[Run], list[str]]:
+    runs: list[Run] = []
+    warnings: list[str] = []
+    for found in run_directories(root):
+        if found.remark:
+            warnings.append(f"runs/{found.path}: {found.remark}.")
             continue
-        if len(parts) == depth:
-            number = parts[-1].removeprefix("seed_")
-            well_named = parts[-1].startswith("seed_") and number.isascii() and number.isdecimal()
-            found.append(("/".join(parts), "" if well_named else f"its path is not {LAYOUT}"))
-        elif not any(child.is_dir() for child in path.iterdir()):
-            found.append(("/".join(parts), f"its path is not {LAYOUT}"))
-    return sorted(found, key=_natural)
+        wrong = found.wrong
+        if not wrong:
+            try:
+                runs.append(read_run(root / found.path, found.path))
+            except UnreadableRunError as error:
+                wrong = str(error)
+        if wrong:
+            warnings.append(f"runs/{found.path}: {wrong}; it was left out.")
+    return runs, warnings
 
 
-def _natural(item: tuple[str, str]) -> tuple[str, int, str]:
-    cell, _, last = item[0].rpartition("/")
-    number = last.removeprefix("seed_")
-    return cell, int(number) if number.isascii() and number.isdecimal() else -1, last
-
-
-def _assemble(name: str, runs: list[Run], warnings: list[str]) -> Study:
-    lengths = training_steps_by_task(runs)
-    rows: list[dict[str, Any]] = []
-    evaluations: list[pd.DataFrame] = []
-    training: list[pd.DataFrame] = []
-    configurations: dict[str, dict[str, Any]] = {}
-    for run in runs:
-        m = run.manifest
-        training_steps, counts_as = lengths[m["algo"], m["env"]], run.counts_as
-        if unequal := unequal_training(run, training_steps):
-            warnings.append(unequal)
-            counts_as = "unfinished"
-        elif incomplete := missing_at_the_end(run, training_steps):
-            warnings.append(incomplete)
-        arm, paper = arm_of(run)
-        keys = {"algo": m["algo"], "env": m["env"], "arm": arm, "seed": m["seed"]}
-        parameters = m.get("parameters") or {}
-        values = {
-            **{column: m.get(column) for column in RUN_COLUMNS},
-            **keys,
-            "paper": paper,
-            "counts_as": counts_as,
-            "training_steps": training_steps,
-            "evaluations": len(run.evaluations),
-            "failure": _failure(m.get("failure")),
-            "path": run.path,
-            "changed_keys": json.dumps(m.get("changed_keys") or {}, sort_keys=True),
-            "versions": json.dumps(m.get("versions") or {}, sort_keys=True),
-            "actor_parameters": parameters.get("actor"),
-            "critic_parameters": parameters.get("critic"),
-        }
-        rows.append(values)
-        evaluations.append(_with_carried(run, counts_as, training_steps).assign(**keys))
-        training.append(run.training.assign(**keys))
-        configurations.setdefault("/".join((m["algo"], m["env"], arm)), run.config)
-    others = [column for frame in training[:] for column in frame.columns if column not in KEYS]
-    return Study(
+def _assemble(name: str, judged: list[Judged], refused: list[Refused], warnings: list[str]) -> Study:
+    study = Study(
         name=name,
-        runs=pd.DataFrame(rows, columns=RUN_COLUMNS),
-        evaluations=_concat(evaluations, EVALUATION_COLUMNS),
-        training=_concat(training, [*KEYS, *dict.fromkeys(["step", *others])]),
-        configurations=configurations,
-        warnings=warnings,
+        runs=pd.DataFrame([_row(one) for one in judged], columns=RUN_COLUMNS),
+        evaluations=_concat([_with_carried(one).assign(**_keys(one.run)) for one in judged], EVALUATION_COLUMNS),
+        training=_training(judged),
+        refused=refused,
     )
+    for cell in refused:
+        seeds = ", ".join(map(str, cell.seeds))
+        study.warnings.append(f"{cell.algo}/{cell.env}/{cell.arm} was refused (seeds {seeds}): {cell.reason}")
+    study.warnings += warnings
+    for one in judged:
+        manifest = one.run.manifest
+        key = f"{manifest.algo}/{manifest.env}/{arm_of(one.run)[0]}"
+        study.configurations.setdefault(key, one.run.config)
+        if manifest.hashed_keys is not None:
+            study.hashed_keys.setdefault(key, manifest.hashed_keys)
+        study.warnings += [f"runs/{one.run.path}: {warning}." for warning in (*one.run.warnings, *one.warnings)]
+        study.warnings += [f"runs/{one.run.path}, from its manifest: {note}" for note in manifest.notes]
+    study.warnings += _copies(study.evaluations)
+    return study
 
 
-def _failure(failure: Any) -> str | None:
-    """What the manifest says of an error, in one line."""
-    if not isinstance(failure, dict):
-        return None
-    return " ".join(f"{failure.get('kind', 'error')}: {failure.get('message', '')}".split()) or None
+def _keys(run: Run) -> dict[str, Any]:
+    manifest = run.manifest
+    return {"algo": manifest.algo, "env": manifest.env, "arm": arm_of(run)[0], "seed": manifest.seed}
 
 
-def _with_carried(run: Run, counts_as: str, training_steps: int) -> pd.DataFrame:
-    """The evaluations; for a diverged run also its last one, repeated up to the last step (METHOD: a diverged run
-    counts).
-    """
-    table = run.evaluations[["step", "return", "length"]].assign(counts_as=counts_as, carried=False)
-    if counts_as != "diverged":
+def _row(judged: Judged) -> dict[str, Any]:
+    """The run's row of ``Study.runs``: what its manifest says, and what was made of it."""
+    run = judged.run
+    manifest = run.manifest
+    return {
+        **{column: getattr(manifest, column, None) for column in RUN_COLUMNS},
+        **_keys(run),
+        "paper": arm_of(run)[1],
+        "status": manifest.status.value,
+        "counts_as": judged.outcome.value,
+        "training_steps": judged.training_steps,
+        "evaluations": len(judged.evaluations),
+        "failure": str(manifest.failure) if manifest.failure else None,
+        "path": run.path,
+        "changed_keys": json.dumps(manifest.changed_keys, sort_keys=True),
+        "versions": json.dumps(manifest.versions, sort_keys=True),
+        "actor_parameters": manifest.parameters.actor,
+        "critic_parameters": manifest.parameters.critic,
+    }
+
+
+def _with_carried(judged: Judged) -> pd.DataFrame:
+    """The evaluations; of a diverged run also its last one, repeated at all later steps (METHOD: it counts)."""
+    table = judged.evaluations.assign(counts_as=judged.outcome.value, carried=False)
+    if judged.outcome != Outcome.DIVERGED:
         return table
     last = table.iloc[-1]
-    missing = [step for step in due(run, training_steps) if step > last["step"]]
+    steps = due(judged.run.settings.protocol.evaluation_interval, judged.training_steps)
+    missing = steps[steps > last["step"]]
     carried = pd.DataFrame({"step": missing, "return": last["return"], "length": last["length"]})
-    return pd.concat([table, carried.assign(counts_as=counts_as, carried=True)]) if missing else table
+    return pd.concat([table, carried.assign(counts_as=judged.outcome.value, carried=True)]) if len(missing) else table
+
+
+def _training(judged: list[Judged]) -> pd.DataFrame:
+    frames = [one.run.training.assign(**_keys(one.run)) for one in judged]
+    columns = dict.fromkeys(column for frame in frames for column in frame.columns if column not in KEYS)
+    return _concat(frames, [*KEYS, *dict.fromkeys(["step", *columns])])
 
 
 def _concat(frames: list[pd.DataFrame], columns: list[str]) -> pd.DataFrame:
@@ -202,6 +188,25 @@ def _concat(frames: list[pd.DataFrame], columns: list[str]) -> pd.DataFrame:
     if not full:
         return pd.DataFrame(columns=columns)
     return pd.concat(full, ignore_index=True).reindex(columns=columns)
+
+
+def _copies(evaluations: pd.DataFrame) -> list[str]:
+    """Seeds of a cell with the same returns up to rounding: chance does not do that, a copied folder does."""
+    found = []
+    measured = evaluations[~evaluations["carried"].astype(bool)]
+    for (algo, env, arm), cell in measured.groupby(["algo", "env", "arm"], sort=False):
+        seen: dict[bytes, int] = {}
+        for seed, run in ((int(str(seed)), run) for seed, run in cell.groupby("seed")):
+            if len(run) < 2:
+                continue
+            digits = [f"{step} {value:.9e}" for step, value in zip(run["step"], run["return"])]
+            first = seen.setdefault("\n".join(digits).encode(), seed)
+            if first != seed:
+                found.append(
+                    f"{algo}/{env}/{arm}: seeds {first} and {seed} have the same returns at every evaluation; "
+                    "one of them looks like a copy of the other, and n counts both."
+                )
+    return found
 
 
 def flat_configuration(study: Study, algo: str, env: str, arm: str) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""How long the runs of a task are trained, and which runs that leaves out of comparisons.
+"""How long the runs of a task are trained, and the steps at which they are evaluated.
 
 The training steps of an algorithm and task are what most of its finished runs of the paper's actors were asked for (of
 two equally frequent lengths the longer): one longer or shorter run does not move them.
@@ -7,56 +7,49 @@ two equally frequent lengths the longer): one longer or shorter run does not mov
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable
 
-from analysis.data.arms import arm_of
-from analysis.data.reading import Run
-
-
-def training_steps_by_task(runs: list[Run]) -> dict[tuple[str, str], int]:
-    """``(algo, env)`` to steps; where no run of the paper's actors has finished, from what there is."""
-    places = dict.fromkeys((run.manifest["algo"], run.manifest["env"]) for run in runs)
-    return {
-        place: _most_frequent([run for run in runs if (run.manifest["algo"], run.manifest["env"]) == place])
-        for place in places
-    }
+import numpy as np
+from numpy.typing import NDArray
 
 
-def _most_frequent(runs: list[Run]) -> int:
-    finished = [run for run in runs if run.counts_as == "finished"]
-    counted = [run for run in runs if run.counts_as != "unfinished"]
-    for group in ([run for run in finished if arm_of(run)[1]], finished, counted, runs):
-        if group:
-            lengths = Counter(int(run.manifest["total_steps"]) for run in group)
-            return max(lengths, key=lambda steps: (lengths[steps], steps))
-    raise ValueError("a task without runs has no number of training steps")
+def most_frequent(lengths: list[int]) -> int:
+    """The most frequent of ``lengths`` (at least one), the largest of several."""
+    counted = Counter(lengths)
+    return max(counted, key=lambda steps: (counted[steps], steps))
 
 
-def unequal_training(run: Run, training_steps: int) -> str:
-    """Why a run that would count does not; empty if it does."""
-    asked = int(run.manifest["total_steps"])
-    if run.counts_as == "unfinished" or asked == training_steps:
-        return ""
-    return (
-        f"runs/{run.path}: it was asked for {asked:,} steps, others of its task for {training_steps:,}; "
-        "results after unequal training are not compared, so it stands in curves only, among the unfinished."
-    )
+def due(interval: int, training_steps: int) -> NDArray[np.int64]:
+    """The steps at which a run is evaluated: every interval from 0 on, and at the end."""
+    return np.unique(np.append(np.arange(0, training_steps + 1, interval, dtype=np.int64), training_steps))
 
 
-def missing_at_the_end(run: Run, training_steps: int) -> str:
-    """A sentence where evaluations of the last 10% of the steps, whose mean is the final performance, are not there."""
-    if run.counts_as != "finished":
-        return ""
-    wanted = [step for step in due(run, training_steps) if 10 * step > 9 * training_steps]
-    missing = sorted(set(wanted) - set(run.evaluations["step"]))
-    if not missing:
-        return ""
-    return (
-        f"runs/{run.path}: {len(missing)} of the {len(wanted)} evaluations in the last 10% of its steps are missing "
-        f"(step {', '.join(f'{step:,}' for step in missing[:3])}); its final performance is the mean of the others."
-    )
+def missing_evaluations(steps: Iterable[int], interval: int, training_steps: int) -> list[str]:
+    """Sentences about evaluations that a finished run lacks; those of the last 10% make the final performance.
+
+    Args:
+        steps: at which it was evaluated.
+        interval: its ``evaluation_interval``.
+        training_steps: of its task.
+    """
+    wanted = due(interval, training_steps)
+    have = np.fromiter(steps, dtype=np.int64)
+    late = wanted[10 * wanted > 9 * training_steps]
+    missing = np.setdiff1d(late, have)
+    if len(missing):
+        return [
+            f"{len(missing)} of the {len(late)} evaluations in the last 10% of its steps are missing "
+            f"(step {_shown(missing)}); its final performance is the mean of the others"
+        ]
+    missing = np.setdiff1d(wanted, have)
+    extra = np.setdiff1d(have, wanted)
+    found = []
+    if len(missing):
+        found.append(f"{len(missing)} of its {len(wanted)} evaluations are missing (step {_shown(missing)})")
+    if len(extra):
+        found.append(f"it was evaluated at {len(extra)} steps at which none is due (step {_shown(extra)})")
+    return found
 
 
-def due(run: Run, training_steps: int) -> list[int]:
-    """The steps at which a run is evaluated: every interval, and at the end."""
-    interval = max(1, int(run.config["protocol"].get("evaluation_interval", training_steps) or training_steps))
-    return sorted({*range(0, training_steps + 1, interval), training_steps})
+def _shown(steps: NDArray[np.int64]) -> str:
+    return ", ".join(f"{step:,}" for step in steps[:3])

@@ -26,13 +26,15 @@ def _seeds(values: pd.Series) -> str:
 
 
 def status_table(study: Study) -> Table:
-    """Which seeds of each cell are finished, diverged, unfinished, missing."""
+    """Which seeds of each cell are finished, diverged, unfinished, missing, and which cells are refused."""
     rows, runs = [], study.runs
-    for algo, of_algo in runs.groupby("algo", sort=True):
+    for algo in sorted({*runs["algo"], *(cell.algo for cell in study.refused)}):
+        of_algo = runs[runs["algo"] == algo]
         expected = set(of_algo["seed"])
-        arms, tasks = of_algo["arm"].unique(), of_algo["env"].unique()
-        for env in sorted(tasks):
-            for arm in sorted(arms):
+        refused = {(cell.env, cell.arm): cell.seeds for cell in study.refused if cell.algo == algo}
+        for env in sorted({*of_algo["env"], *(env for env, _ in refused)}):
+            for arm in sorted({*of_algo["arm"], *(arm for _, arm in refused)}):
+                seeds = refused.get((env, arm), ())
                 mine = of_algo[(of_algo["env"] == env) & (of_algo["arm"] == arm)]
                 by = {
                     kind: mine.loc[mine["counts_as"] == kind, "seed"] for kind in ("finished", "diverged", "unfinished")
@@ -53,7 +55,8 @@ def status_table(study: Study) -> Table:
                         "finished": _seeds(by["finished"]),
                         "diverged": _seeds(by["diverged"]),
                         "unfinished": reached,
-                        "missing": _seeds(pd.Series(sorted(expected - set(mine["seed"])))),
+                        "missing": _seeds(pd.Series(sorted(expected - {*mine["seed"], *seeds}))),
+                        "refused": _seeds(pd.Series(sorted(set(seeds)))),
                     }
                 )
     columns: list[Column] = [
@@ -62,11 +65,14 @@ def status_table(study: Study) -> Table:
         ("diverged", "Diverged", text),
         ("unfinished", "Unfinished (state, steps)", text),
         ("missing", "Missing", text),
+        *([("refused", "Refused", text)] if study.refused else []),
     ]
     caption = (
         "Missing: seeds that another cell of the same algorithm has. Nothing is filled in for them, and nothing is "
         "cut to the shortest."
     )
+    if study.refused:
+        caption += " Refused: the cell mixes configurations; none of its runs counts or is drawn. The notes say which."
     frame = pd.DataFrame(rows, columns=["algo", "env", "arm", *(key for key, _, _ in columns)])
     return Table("runs", "provenance", "Which runs there are", caption, frame, columns, "There are no runs yet.")
 

@@ -25,7 +25,7 @@ def test_a_longer_run_that_is_not_finished_and_a_longer_variant_change_nothing(t
     write_run(tmp_path / "s", actor="popsan")
     write_run(tmp_path / "s", status="running", total_steps=1_000_000, stop=20_000)
     for seed in range(3):
-        write_run(tmp_path / "s", seed=seed, label="mine", total_steps=300_000)
+        write_run(tmp_path / "s", seed=seed, label="mine", total_steps=300_000, noise=1.0)
     study = read_study(tmp_path / "s")
     assert set(study.runs["training_steps"]) == {100_000} and counted(study)["popsan", 0] == "finished"
     assert all("/mine/" in note for note in study.warnings)

@@ -1,0 +1,103 @@
+"""Cells that are refused: their runs are not seeds of one configuration. The rest of the study is not touched."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass
+from typing import Any
+
+from analysis.data.arms import arm_of
+from analysis.data.flatten import ABSENT, differing_keys
+from analysis.data.reading import Run
+
+MOST_KEYS = 10
+
+
+@dataclass(frozen=True)
+class Refused:
+    """A cell none of whose runs count or are drawn: ``seeds`` in order, and ``reason``, one or more sentences."""
+
+    algo: str
+    env: str
+    arm: str
+    seeds: tuple[int, ...]
+    reason: str
+
+
+def without_mixed(runs: list[Run]) -> tuple[list[Run], list[Refused]]:
+    """The runs of the sound cells, and the cells that are refused.
+
+    All runs of one folder, and of one algorithm, task and arm, have one configuration, and every seed is there once.
+    A cell for which that does not hold is refused as a whole: which of its runs are the right ones, nobody here knows.
+    """
+    cells: dict[tuple[str, str, str], list[Run]] = defaultdict(list)
+    folders: dict[str, list[Run]] = defaultdict(list)
+    for run in runs:
+        cells[_cell(run)].append(run)
+        folders[run.path.rpartition("/")[0]].append(run)
+    reasons: dict[tuple[str, str, str], str] = {}
+    for together in (*folders.values(), *cells.values()):
+        if reason := _mixed(together):
+            for run in together:
+                reasons.setdefault(_cell(run), reason)
+    refused = [
+        Refused(*cell, tuple(sorted(run.manifest.seed for run in cells[cell])), reason)
+        for cell, reason in reasons.items()
+    ]
+    return [run for run in runs if _cell(run) not in reasons], refused
+
+
+def _cell(run: Run) -> tuple[str, str, str]:
+    return run.manifest.algo, run.manifest.env, arm_of(run)[0]
+
+
+def _mixed(runs: list[Run]) -> str:
+    """Why these runs are not the seeds of one cell; empty if they are."""
+    first = runs[0]
+    seeds: dict[tuple[str, int], Run] = {}
+    for run in runs:
+        same_hash = run.manifest.cell_hash == first.manifest.cell_hash
+        found = _differences(first, run, same_hash)
+        where, names = _where(first, run)
+        if not same_hash:
+            return (
+                f"runs/{where} mixes two configurations: {names} differ in {_shown(found)}. "
+                "Move one of them to a label or a study of its own."
+            )
+        if found:
+            return (
+                f"runs/{where} mixes two configurations: {names} have the same cell_hash and differ in "
+                f"{_shown(found)}: somebody has changed a config.yaml."
+            )
+        twin = seeds.setdefault((_cell(run)[2], run.manifest.seed), run)
+        if twin is not run:
+            where, names = _where(twin, run)
+            return f"runs/{where} has seed {run.manifest.seed} twice: {names}. Move one of them away."
+    return ""
+
+
+def _where(a: Run, b: Run) -> tuple[str, str]:
+    """The folder that both runs lie in, and each run's place below it."""
+    left = a.path.split("/")
+    right = b.path.split("/")
+    same = next((i for i in range(len(left)) if left[: i + 1] != right[: i + 1]), len(left))
+    return "/".join(left[:same]), f"{'/'.join(left[same:])} and {'/'.join(right[same:])}"
+
+
+def _differences(a: Run, b: Run, same_hash: bool) -> list[tuple[str, Any, Any]]:
+    """The keys in which two runs differ; the engine of the code counts as one.
+
+    Two versions of the training code may write the same configuration with another set of keys, so where the hashes are
+    equal, only keys that both have can contradict them.
+    """
+    hashed = [run.manifest.hashed_keys and [*run.manifest.hashed_keys, "engine"] for run in (a, b)]
+    left = a.config | {"engine": a.manifest.engine}
+    right = b.config | {"engine": b.manifest.engine}
+    found = differing_keys(left, right, hashed[0], hashed[1], exempt=frozenset({"seed"}))
+    return [one for one in found if ABSENT not in one[1:]] if same_hash else found
+
+
+def _shown(found: list[tuple[str, Any, Any]]) -> str:
+    shown = [f"{key}: {old} against {new}" for key, old, new in found[:MOST_KEYS]]
+    more = [f"and {len(found) - MOST_KEYS} more keys"] if len(found) > MOST_KEYS else []
+    return "; ".join(shown + more) or "their cell_hash, but in no key of config.yaml"

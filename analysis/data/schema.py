@@ -1,0 +1,225 @@
+"""What the analysis needs of ``manifest.json`` and ``config.yaml`` (docs/run-directory.md), as one schema each.
+
+Keys that are not listed here are kept and not checked: a later version of the training code may write more. The types
+are strict (``"5000"`` is no number): what has another type was not written by the training code.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from analysis.data.errors import UnreadableRunError
+
+#: The training code's own bound for seeds; numbers of steps share it (NumPy's int64).
+MOST = 2**63 - 1
+Count = Annotated[int, Field(ge=0, le=MOST)]
+Positive = Annotated[int, Field(ge=1, le=MOST)]
+#: A width of a layer or a number of spiking steps: what the table of operations multiplies.
+Size = Annotated[int, Field(ge=1, le=10**6)]
+Seconds = Annotated[float, Field(ge=0, le=1e12)]
+
+
+class Status(StrEnum):
+    """What a manifest says of its run."""
+
+    RUNNING = "running"
+    COMPLETE = "complete"
+    INTERRUPTED = "interrupted"
+    FAILED = "failed"
+    DIVERGED = "diverged"
+
+
+class _File(BaseModel):
+    model_config = ConfigDict(extra="ignore", strict=True, frozen=True, allow_inf_nan=False)
+
+
+class Parameters(_File):
+    """Learnable numbers."""
+
+    actor: Count | None = None
+    critic: Count | None = None
+
+
+class Failure(_File):
+    """Why a run failed or diverged."""
+
+    kind: str = "error"
+    message: str = ""
+
+    def __str__(self) -> str:
+        return " ".join(f"{self.kind}: {self.message}".split())
+
+
+class Manifest(_File):
+    """``manifest.json``."""
+
+    format: Literal[1] = 1
+    status: Status
+    algo: str
+    env: str
+    actor: str
+    label: str
+    encoder: str
+    seed: Count
+    cell_hash: str
+    total_steps: Positive
+    hashed_keys: list[str] | None = None
+    configuration_hash: str | None = None
+    engine: Count | None = None
+    step: Count | None = None
+    changed_keys: dict[str, Any] = {}
+    observation_size: Size | None = None
+    action_size: Size | None = None
+    parameters: Parameters = Parameters()
+    wall_time_seconds: Seconds | None = None
+    times_resumed: Count | None = None
+    versions: dict[str, str | None] = {}
+    commit: str | None = None
+    dirty: bool | None = None
+    processor: str | None = None
+    threads: Count | None = None
+    device: str | None = None
+    failure: Failure | None = None
+    notes: list[str] = []
+
+    @property
+    def path(self) -> str:
+        """The place below ``runs/`` of the run that this manifest describes."""
+        return f"{self.algo}/{self.env}/{self.label}/{self.encoder}/seed_{self.seed}"
+
+
+_SIZES = {
+    "mlp": ("actor.hidden_sizes",),
+    "spiking": (
+        "actor.hidden_sizes",
+        "actor.time_steps",
+        "actor.output_population",
+        "actor.dendritic",
+        "actor.lateral",
+        "encoder.population_size",
+    ),
+}
+
+
+class _Named(_File):
+    name: str
+
+
+class Algorithm(_Named):
+    """Group ``algo``."""
+
+    actor_learning_rate: Annotated[float, Field(gt=0)] | None = None
+
+
+class Actor(_Named):
+    """Group ``actor``; the sizes are those that the table of operations needs."""
+
+    kind: str | None = None
+    hidden_sizes: list[Size] | None = None
+    time_steps: Size | None = None
+    output_population: Size | None = None
+    dendritic: Dendritic | None = None
+    lateral: Lateral | None = None
+
+
+class Dendritic(_File):
+    """Group ``actor.dendritic``."""
+
+    branches: Size = 1
+    output_topology: bool = False
+    bias: str = "neuron"
+
+
+class Lateral(_File):
+    """Group ``actor.lateral``."""
+
+    radius: Annotated[int, Field(ge=0, le=10**6)]
+    include_self: bool = False
+
+
+class Encoder(_File):
+    """Group ``encoder``."""
+
+    coding: str
+    population_size: Size | None = None
+
+
+class Environment(_Named):
+    """Group ``env``."""
+
+    spike_coding: str | None = None
+
+
+class Protocol(_File):
+    """Group ``protocol``."""
+
+    evaluation_interval: Positive
+    evaluation_episodes: Positive
+
+
+class Configuration(_File):
+    """``config.yaml``, the resolved configuration."""
+
+    algo: Algorithm
+    actor: Actor
+    encoder: Encoder
+    env: Environment
+    protocol: Protocol
+    seed: Count
+
+    @model_validator(mode="after")
+    def _sizes(self) -> Self:
+        """What the table of operations multiplies is there for the actors that it knows."""
+        for key in _SIZES.get(self.actor.kind or "", ()):
+            group, _, name = key.partition(".")
+            if getattr(getattr(self, group), name) is None:
+                raise ValueError(key)
+        return self
+
+
+def parse_manifest(text: str) -> Manifest:
+    """The content of a ``manifest.json``.
+
+    Raises:
+        UnreadableRunError: no JSON, or a key is missing or has a value of another type; says which.
+    """
+    try:
+        return Manifest.model_validate_json(text)
+    except ValidationError as error:
+        raise UnreadableRunError(f"its manifest.json {_sentence(error)}") from None
+    except (ValueError, RecursionError) as error:
+        raise UnreadableRunError(f"its manifest.json cannot be read ({type(error).__name__})") from None
+
+
+def check_configuration(tree: Any) -> Configuration:
+    """What the analysis uses of a configuration.
+
+    Raises:
+        UnreadableRunError: a key is missing or has a value of another type; says which.
+    """
+    try:
+        return Configuration.model_validate(tree)
+    except ValidationError as error:
+        raise UnreadableRunError(f"its config.yaml {_sentence(error)}") from None
+
+
+def _sentence(error: ValidationError) -> str:
+    """``lacks status and seed``, or ``has step = 'abc' (should be a valid integer)``: missing keys, else the first."""
+    found = error.errors(include_url=False, include_context=False)
+    if found[0]["type"] == "json_invalid":
+        return "cannot be read: it is no JSON"
+    missing = [".".join(map(str, one["loc"])) for one in found if one["type"] == "missing"]
+    if missing:
+        return f"lacks {', '.join(missing)}"
+    first = found[0]
+    where = ".".join(map(str, first["loc"]))
+    if first["type"] == "value_error":
+        return f"lacks {first['msg'].removeprefix('Value error, ')}"
+    if not where:
+        return "is not a table of keys and values"
+    value = repr(first["input"])
+    shown = value if len(value) <= 60 else f"{value[:57]}..."
+    return f"has {where} = {shown} ({first['msg'].removeprefix('Input ')})"
