@@ -57,6 +57,7 @@ class Forked:
         self._process = _FORKS.Process(target=run_here, args=(argv, self._output, prepare))
         self._process.start()
         self.pid = self._process.pid
+        self.at_gate: Callable[[], bool] = lambda: False  # whether it waits where no more can be waited for
 
     def signal(self, number: int) -> None:
         assert self.pid is not None
@@ -98,8 +99,8 @@ def forked(results: Path, *arguments: str, prepare: Callable[[], None] | None = 
     return process.wait(), process.output
 
 
-def real(results: Path, *arguments: str) -> subprocess.Popen[str]:
-    """``python -m src.run``, from a shell's point of view."""
+def real(results: Path, *arguments: str, environment: dict[str, str] | None = None) -> subprocess.Popen[str]:
+    """``python -m src.run``, from a shell's point of view, with more in its environment."""
     return subprocess.Popen(
         [sys.executable, "-m", "src.run", *arguments, f"results_dir={results}"],
         cwd=ROOT,
@@ -107,7 +108,7 @@ def real(results: Path, *arguments: str) -> subprocess.Popen[str]:
         stderr=subprocess.STDOUT,
         text=True,
         start_new_session=True,
-        env={**os.environ, "COLUMNS": "200"},
+        env={**os.environ, "COLUMNS": "200", **(environment or {})},
     )
 
 
@@ -140,12 +141,12 @@ def assert_same_end(results: Path, reference: Path) -> None:
     assert not list((one / "state").glob("*.part"))
 
 
-def wait_for(condition: Callable[[], bool], process: Any = None, seconds: float = 120, poll: float = 0.002) -> bool:
-    """Poll until ``condition``; False where ``process`` has ended first."""
+def wait_for(condition: Callable[[], object], process: Any = None, seconds: float = 120, poll: float = 0.002) -> bool:
+    """Poll until ``condition``; False where ``process`` has ended, or waits at its last gate, before that."""
     deadline = time.monotonic() + seconds
     while not condition():
-        if process is not None and not process.alive:
-            return False
+        if process is not None and (not process.alive or process.at_gate()):
+            return bool(condition())
         assert time.monotonic() < deadline, "waited in vain"
         time.sleep(poll)
     return True

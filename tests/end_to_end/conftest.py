@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
 
-from tests.end_to_end.commands import AAN, Forked, forked, newest_checkpoint, real, wait_for
+from tests.end_to_end.commands import AAN, Forked, forked, real, wait_for
+from tests.gate import close_gate, waiting
 
 
 @pytest.fixture(scope="session")
@@ -38,9 +40,9 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]
 @pytest.fixture(scope="session")
 def interrupted(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The results of ``AAN`` stopped by SIGTERM with two checkpoints on the disk; copy it."""
-    results = tmp_path_factory.mktemp("interrupted")
-    process = Forked(results, *AAN)
-    wait_for(lambda: newest_checkpoint(results) >= 200, process)
+    results, gate = tmp_path_factory.mktemp("interrupted"), tmp_path_factory.mktemp("gate")
+    process = Forked(results, *AAN, prepare=partial(close_gate, str(gate), 200))
+    assert wait_for(lambda: waiting(gate, 0), process), process.output
     process.signal(15)
     assert process.wait() == 75, process.output
     return results

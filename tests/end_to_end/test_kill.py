@@ -8,6 +8,7 @@ import random
 import time
 from collections import Counter
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -24,6 +25,7 @@ from tests.end_to_end.commands import (
     run_of,
     wait_for,
 )
+from tests.gate import close_gate, forget, waiting
 
 CASES = {
     "td3 aan hopper": ("algo=td3", "actor=aan", "env=hopper"),
@@ -62,7 +64,7 @@ def tight(seen: Callable[[str], bool], where: Callable[[Path], Path]) -> Moment:
 def after_a_while(results: Path, process: Forked, rng: random.Random) -> bool:
     """At any time from the very start on: while it composes, imports, claims, or has just begun."""
     time.sleep(rng.uniform(0.0, 4.0))
-    return process.alive
+    return not process.at_gate()
 
 
 def in_training(results: Path, process: Forked, rng: random.Random) -> bool:
@@ -71,7 +73,7 @@ def in_training(results: Path, process: Forked, rng: random.Random) -> bool:
     if not wait_for(lambda: newest_checkpoint(results) > before, process):
         return False
     time.sleep(rng.uniform(0.0, 0.6))
-    return process.alive
+    return not process.at_gate()
 
 
 def behind_rows(results: Path, process: Forked, rng: random.Random) -> bool:
@@ -93,21 +95,33 @@ MOMENTS: dict[str, Moment] = {
 
 
 def kill_and_restart(
-    results: Path, command: tuple[str, ...], moments: list[str], rng: random.Random
-) -> tuple[Counter[str], Counter[str]]:
-    """Start and kill once for each moment, then run to the end: kills by moment, and what they had left behind."""
+    folder: Path, command: tuple[str, ...], total: int, moments: list[str], rng: random.Random
+) -> tuple[Path, Counter[str], Counter[str]]:
+    """Start and kill once for each moment, then run to the end.
+
+    However fast the machine is, no run ends before its kill: each start may go through its share of the ``total``
+    steps and then waits.
+
+    Returns:
+        The results; kills by moment, those of waiting runs under "at the gate"; what they had left behind.
+    """
+    results, gate = folder / "results", folder / "gate"
+    gate.mkdir()
     kills: Counter[str] = Counter()
     left: Counter[str] = Counter()
-    for name in moments:
-        process = Forked(results, *command)
-        if MOMENTS[name](results, process, rng):
-            process.signal(KILL)
-        if process.wait() == -KILL:
-            kills[name] += 1
-            left.update(traces(results))
+    for number, name in enumerate(moments, 1):
+        forget(gate, 0)
+        step = total * number // (len(moments) + 1)
+        process = Forked(results, *command, prepare=partial(close_gate, str(gate), step))
+        process.at_gate = lambda: bool(waiting(gate, 0))
+        in_time = MOMENTS[name](results, process, rng)
+        process.signal(KILL)
+        assert process.wait() == -KILL, process.output
+        kills[name if in_time else "at the gate"] += 1
+        left.update(traces(results))
     code, output = forked(results, *command)
     assert code == 0, output
-    return kills, left
+    return results, kills, left
 
 
 def traces(results: Path) -> set[str]:
@@ -134,23 +148,21 @@ def traces(results: Path) -> set[str]:
 
 def test_three_kills(reference: Path, tmp_path: Path) -> None:
     moments = ["in training", "while a checkpoint is written", "while rows are written"]
-    kills, _ = kill_and_restart(tmp_path, AAN, moments, random.Random(1))
-    assert sum(kills.values()) >= 2, "the run ended before it could be killed"
-    assert manifest(tmp_path)["times_resumed"] >= 1
-    assert_same_end(tmp_path, reference)
+    results, kills, _ = kill_and_restart(tmp_path, AAN, 450, moments, random.Random(1))
+    assert sum(kills.values()) == 3 and manifest(results)["times_resumed"] >= 1
+    assert_same_end(results, reference)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("case", CASES)
 def test_many_kills(case: str, undisturbed: Callable[..., Path], tmp_path: Path) -> None:
     """``-s`` prints how many kills landed where."""
-    command = (*CASES[case], *TINY, "protocol.total_steps=900")
+    command = (*CASES[case], *TINY, "protocol.total_steps=1500")
     rng = random.Random(case)
     moments = [name for name in MOMENTS for _ in range(2)]
     rng.shuffle(moments)
-    kills, left = kill_and_restart(tmp_path, command, moments, rng)
+    results, kills, left = kill_and_restart(tmp_path, command, 1500, moments, rng)
     print(f"\n{case}: {sum(kills.values())} kills {dict(kills)}, left behind: {dict(left)}")
-    assert sum(kills.values()) >= 5
-    assert_same_end(tmp_path, undisturbed(*command))
+    assert_same_end(results, undisturbed(*command))
     if "bptsan" in case:
-        assert run_of(tmp_path).parts[-2] in case.split()
+        assert run_of(results).parts[-2] in case.split()

@@ -23,7 +23,7 @@ COMMAND = (
 def kill_at(step: int, results: Path, gate: Path) -> None:
     gate.mkdir()
     process = Forked(results, *COMMAND, prepare=partial(close_gate, str(gate), step))
-    assert wait_for(lambda: 0 in waiting(gate, 0), process), process.output
+    assert wait_for(lambda: waiting(gate, 0), process), process.output
     process.signal(KILL)
     assert process.wait() == -KILL
 

@@ -5,8 +5,12 @@ from __future__ import annotations
 import shutil
 import signal
 import time
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import Any
 
+from src.training import session
 from tests.end_to_end.commands import (
     AAN,
     Forked,
@@ -17,6 +21,7 @@ from tests.end_to_end.commands import (
     run_of,
     wait_for,
 )
+from tests.gate import close_gate, waiting
 
 
 def test_sigterm(interrupted: Path, reference: Path, tmp_path: Path) -> None:
@@ -33,29 +38,43 @@ def test_sigterm(interrupted: Path, reference: Path, tmp_path: Path) -> None:
 def test_one_sigint_takes_a_checkpoint(reference: Path, tmp_path: Path) -> None:
     """The checkpoint interval is the whole run, so only the signal can have made one."""
     command = (*AAN, "protocol.checkpoint_interval=450")
-    process = Forked(tmp_path, *command)
-    wait_for(lambda: "step 50/450" in process.output, process)
+    results = tmp_path / "results"
+    process = Forked(results, *command, prepare=partial(close_gate, str(tmp_path), 100))
+    assert wait_for(lambda: waiting(tmp_path, 0), process), process.output
     process.signal(signal.SIGINT)
     assert process.wait() == 75, process.output
-    assert manifest(tmp_path)["status"] == "interrupted" and newest_checkpoint(tmp_path) > 0
-    code, output = forked(tmp_path, *command)
+    assert manifest(results)["status"] == "interrupted" and newest_checkpoint(results) == 150
+    code, output = forked(results, *command)
     assert code == 0 and "resumed at step" in output, output
-    assert_same_end(tmp_path, reference)
+    assert_same_end(results, reference)
 
 
 def test_a_second_sigint_stops_at_once(tmp_path: Path) -> None:
-    """The first evaluation takes seconds: after the first signal the run goes on with it."""
-    process = Forked(tmp_path, *AAN, "protocol.evaluation_episodes=1000")
-    wait_for(lambda: 'observation_size": 11' in _manifest_text(tmp_path), process)
-    process.signal(signal.SIGINT)
-    time.sleep(0.5)
-    assert process.alive, process.output
-    process.signal(signal.SIGINT)
-    assert process.wait(30) == 130, process.output
-    assert manifest(tmp_path)["status"] == "interrupted"
-    assert newest_checkpoint(tmp_path) == -1 and not (run_of(tmp_path) / "evaluations.csv").exists()
+    """The first evaluation does not end: after the first signal the run goes on with it."""
+    results = tmp_path / "results"
+    process = Forked(results, *AAN, prepare=partial(evaluate_for_ever, str(tmp_path)))
+    for step in ("evaluating", "asked to stop"):
+        assert wait_for((tmp_path / step).exists, process), process.output
+        assert process.alive, process.output
+        process.signal(signal.SIGINT)
+    assert process.wait() == 130, process.output
+    assert manifest(results)["status"] == "interrupted"
+    assert newest_checkpoint(results) == -1 and not (run_of(results) / "evaluations.csv").exists()
 
 
-def _manifest_text(results: Path) -> str:
-    found = list((results / "test" / "runs").glob("*/*/*/*/seed_*/manifest.json"))
-    return found[0].read_text() if found else ""
+def evaluate_for_ever(folder: str) -> None:
+    """In the training process: no evaluation ends; files tell how far it is."""
+    train = session.train
+
+    def training(config: Any, run: Any, progress: Any, stop_requested: Callable[[], bool]) -> Any:
+        def evaluate(*_: Any) -> None:
+            (Path(folder) / "evaluating").touch()
+            while True:
+                time.sleep(0.01)
+                if stop_requested():
+                    (Path(folder) / "asked to stop").touch()
+
+        session.Evaluator.evaluate = evaluate  # type: ignore[method-assign]
+        return train(config, run, progress, stop_requested)
+
+    session.train = training  # type: ignore[assignment]

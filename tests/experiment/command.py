@@ -29,6 +29,14 @@ def start(results, *arguments, module="src.run", cwd=ROOT, **plan):
     )
 
 
+def said(process, text):
+    """Whether a running command has printed ``text`` (which is then no longer in what it prints to its end)."""
+    found = process.stdout.readline()
+    while found and text not in found:
+        found = process.stdout.readline()
+    return bool(found)
+
+
 class Done:
     def __init__(self, process, timeout=60):
         try:

@@ -2,17 +2,18 @@
 
 import os
 import signal
+import subprocess
 import time
-from pathlib import Path
 
 import pytest
 
-from tests.experiment.command import Done, calls, manifest, run, run_path, start
+from tests.experiment.command import Done, calls, manifest, run, run_path, said, start
+from tests.gate import open_gate, waiting
 
 GRID = ("-m", "protocol=smoke", "seed=range(3)", "hydra.launcher.n_jobs=2")
 
 
-def wait_for(condition, seconds=30):
+def wait_for(condition, seconds=120):
     deadline = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < deadline, "waited in vain"
@@ -23,21 +24,27 @@ def pids(results, seeds):
     return [int(calls(results, seed)[-1].split()[0]) for seed in seeds]
 
 
-def begun(results, *seeds):
-    return lambda: all((run_path(results, seed) / "state" / "checkpoint").exists() for seed in seeds)
+def hanging(results, *seeds):
+    return lambda: all((run_path(results, seed) / "state" / "hanging").exists() for seed in seeds)
 
 
 def alive(pid):
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except FileNotFoundError:
-        return False
+    """A process that is dead and not yet reaped is not alive."""
+    state = subprocess.run(["ps", "-o", "stat=", "-p", str(pid)], capture_output=True, text=True).stdout.strip()
+    return bool(state) and not state.startswith("Z")
+
+
+@pytest.fixture
+def gate(tmp_path):
+    folder = tmp_path / "gate"
+    folder.mkdir()
+    return folder
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_one_signal_takes_a_checkpoint_and_the_same_command_goes_on(tmp_path, number):
-    sweep = start(tmp_path, *GRID, sleep=1.5)  # long enough for the slower of two starts
-    wait_for(begun(tmp_path, 0, 1))
+def test_one_signal_takes_a_checkpoint_and_the_same_command_goes_on(tmp_path, gate, number):
+    sweep = start(tmp_path, *GRID, gate=str(gate))
+    wait_for(lambda: len(waiting(gate, 0, 1)) == 2)
     jobs = pids(tmp_path, (0, 1))
     if number == signal.SIGINT:
         os.killpg(sweep.pid, number)  # as a terminal does
@@ -59,13 +66,13 @@ def test_one_signal_takes_a_checkpoint_and_the_same_command_goes_on(tmp_path, nu
 
 def test_a_second_ctrl_c_kills_jobs_that_do_not_stop(tmp_path):
     sweep = start(tmp_path, *GRID, **{"0": "hang", "1": "hang"})
-    wait_for(begun(tmp_path, 0, 1))
+    wait_for(hanging(tmp_path, 0, 1))
     jobs = pids(tmp_path, (0, 1))
     sweep.send_signal(signal.SIGINT)
-    time.sleep(0.5)
+    assert said(sweep, "stopping: the running jobs take a checkpoint")
     assert all(alive(pid) for pid in jobs), "the first Ctrl-C gives them time"
     sweep.send_signal(signal.SIGINT)
-    done = Done(sweep, timeout=15)
+    done = Done(sweep)
     assert done.code == 75 and "finished: 2 interrupted, 1 not started" in done.out, done
     assert not any(alive(pid) for pid in jobs)
 
@@ -75,24 +82,27 @@ def test_a_signal_while_jobs_start_is_no_failure(tmp_path):
     sweep = start(tmp_path, *GRID, importing=60)
     wait_for(lambda: all((run_path(tmp_path, seed) / "state" / "log.txt").exists() for seed in (0, 1)))
     sweep.send_signal(signal.SIGINT)
-    done = Done(sweep, timeout=15)
+    done = Done(sweep)
     assert done.code == 75 and "finished: 2 interrupted, 1 not started" in done.out, done
     assert run(tmp_path, *GRID).code == 0
 
 
-def test_a_killed_launcher_leaves_no_orphan(tmp_path):
-    sweep = start(tmp_path, *GRID, sleep=1.5)  # long enough for the slower of two starts
-    wait_for(begun(tmp_path, 0, 1))
+def test_a_killed_launcher_leaves_no_orphan(tmp_path, gate):
+    sweep = start(tmp_path, *GRID, gate=str(gate))
+    wait_for(lambda: len(waiting(gate, 0, 1)) == 2)
     jobs = pids(tmp_path, (0, 1))
     sweep.kill()
     sweep.communicate()
-    wait_for(lambda: not any(alive(pid) for pid in jobs), 10)
+    wait_for(lambda: not any(alive(pid) for pid in jobs))
     assert manifest(tmp_path, 0)["status"] == "interrupted"
 
 
-def test_two_launchers_at_once_run_no_cell_twice(tmp_path):
+def test_two_launchers_at_once_run_no_cell_twice(tmp_path, gate):
+    """Whichever launcher comes first to a cell, the other finds it busy and goes on to the next."""
     grid = ("-m", "protocol=smoke", "seed=range(4)", "hydra.launcher.n_jobs=2")
-    both = [start(tmp_path, *grid, sleep=0.1) for _ in range(2)]
+    both = [start(tmp_path, *grid, gate=str(gate)) for _ in range(2)]
+    wait_for(lambda: len(waiting(gate, *range(4))) == 4)
+    open_gate(gate, *range(4))
     done = [Done(each) for each in both]
     assert all(each.code in (0, 75) for each in done), done
     for seed in range(4):
@@ -100,9 +110,9 @@ def test_two_launchers_at_once_run_no_cell_twice(tmp_path):
         assert manifest(tmp_path, seed)["status"] == "complete"
 
 
-def test_a_single_run_is_interrupted_resumes_and_is_skipped(tmp_path):
-    single = start(tmp_path, "protocol=smoke", sleep=1.5)
-    wait_for(begun(tmp_path, 0))
+def test_a_single_run_is_interrupted_resumes_and_is_skipped(tmp_path, gate):
+    single = start(tmp_path, "protocol=smoke", gate=str(gate))
+    wait_for(lambda: waiting(gate, 0))
     os.kill(single.pid, signal.SIGINT)
     done = Done(single)
     assert done.code == 75 and "the same command again" in done.out, done
@@ -123,11 +133,11 @@ def test_a_complete_run_whose_replay_was_kept_is_extended(tmp_path):
 
 def test_a_second_ctrl_c_ends_a_single_run_at_once(tmp_path):
     single = start(tmp_path, "protocol=smoke", **{"0": "hang"})
-    wait_for(begun(tmp_path, 0))
-    for _ in range(2):
-        os.kill(single.pid, signal.SIGINT)
-        time.sleep(0.4)
-    done = Done(single, timeout=15)
+    wait_for(hanging(tmp_path, 0))
+    os.kill(single.pid, signal.SIGINT)
+    wait_for((run_path(tmp_path) / "state" / "asked to stop").exists)
+    os.kill(single.pid, signal.SIGINT)
+    done = Done(single)
     assert done.code == 130, done
     assert manifest(tmp_path)["status"] == "interrupted"
 

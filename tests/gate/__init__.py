@@ -10,6 +10,7 @@ import json
 import os
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +18,18 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def close_gate(folder: str, step: int) -> None:
-    """In the training process: let every run wait at environment step ``step`` or, if it begins later, at its first."""
+    """In the training process: let every run wait from environment step ``step`` on, behind each batch and checkpoint.
+
+    One that resumes at that step or later waits before it begins, so that no kill lets it pass.
+    """
     from src.training import session
 
     train = session.train
 
     def gated(config: Any, run: Any, progress: Any, stop_requested: Callable[[], bool]) -> Any:
-        return train(config, run, _Waiting(progress, Path(folder), config.seed, step, stop_requested), stop_requested)
+        waiting = _Waiting(progress, Path(folder), config.seed, step, stop_requested)
+        waiting.at(run.manifest.checkpoint_step or 0)
+        return train(config, run, waiting, stop_requested)
 
     session.train = gated  # type: ignore[assignment]
 
@@ -47,25 +53,36 @@ def waiting(folder: Path, *seeds: int) -> dict[int, int]:
     return {seed: int(path.read_text()) for seed, path in found if path.exists()}
 
 
+def forget(folder: Path, *seeds: int) -> None:
+    """That runs of these seeds have been here: the next ones are awaited."""
+    for seed in seeds:
+        (folder / f"reached_{seed}").unlink(missing_ok=True)
+
+
+def wait_at_gate(folder: Path, seed: int, stop_requested: Callable[[], bool]) -> None:
+    """In the training process: say who is here, and wait."""
+    reached = folder / f"reached_{seed}"
+    beside = reached.with_suffix(".part")
+    beside.write_text(str(os.getpid()))
+    beside.replace(reached)
+    while not (folder / f"open_{seed}").exists() and not stop_requested():
+        time.sleep(0.005)
+
+
 class _Waiting:
     """A progress display whose update does not return while the gate is closed."""
 
     def __init__(self, progress: Any, folder: Path, seed: int, step: int, stop_requested: Callable[[], bool]) -> None:
-        self._progress = progress
-        self._open, self._reached = folder / f"open_{seed}", folder / f"reached_{seed}"
-        self._step = step
-        self._stop_requested = stop_requested
+        self._progress, self._step = progress, step
+        self._wait = partial(wait_at_gate, folder, seed, stop_requested)
 
     def update(self, step: int, last_return: float | None, steps_per_second: float) -> None:
         self._progress.update(step, last_return, steps_per_second)
-        if step < self._step:
-            return
-        if not self._reached.exists():
-            beside = self._reached.with_suffix(".part")
-            beside.write_text(str(os.getpid()))
-            beside.rename(self._reached)
-        while not self._open.exists() and not self._stop_requested():
-            time.sleep(0.005)
+        self.at(step)
+
+    def at(self, step: int) -> None:
+        if step >= self._step:
+            self._wait()
 
     def note(self, text: str) -> None:
         self._progress.note(text)

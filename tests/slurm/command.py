@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 
+from tests import gate as gates
 from tests.experiment.command import ROOT, STUB
 
 #: Real training, small: every phase of the protocol, and six checkpoints.
@@ -25,9 +26,14 @@ TRAINING = (
 QUICK = ("hydra/launcher=slurm", "hydra.launcher.poll_seconds=0.5", "hydra.launcher.mem_gb=1")
 
 
-def submit(cluster, results, *arguments, stub=None):
-    """Start the command; ``stub`` is a plan for the pretending trainer (see tests/experiment/stub)."""
+def submit(cluster, results, *arguments, stub=None, gate=None):
+    """Start the command; ``stub`` is a plan for the pretending trainer (see tests/experiment/stub).
+
+    ``gate`` is the folder of a gate at which the real trainer waits from its first checkpoint on (see tests/gate).
+    """
     environment = {**cluster.environment, "COLUMNS": "200"}
+    if gate is not None:
+        environment |= gates.environment(gate, 200)
     if stub is not None:
         environment |= {"PYTHONPATH": f"{STUB}{os.pathsep}{ROOT}", "STUB": json.dumps(stub)}
     return subprocess.Popen(

@@ -21,3 +21,11 @@ def cluster(running_cluster):
     """The cluster with an empty queue, before and after."""
     yield running_cluster
     running_cluster.cancel_all()
+
+
+@pytest.fixture
+def gate(tmp_path):
+    """The folder of a closed gate."""
+    folder = tmp_path / "gate"
+    folder.mkdir()
+    return folder

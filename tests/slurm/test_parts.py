@@ -3,7 +3,6 @@
 import os
 import signal
 import stat
-import time
 
 import pytest
 
@@ -16,6 +15,7 @@ from src.experiment.slurm.queue import GONE, JobState, QueueError, array_limit, 
 from src.experiment.slurm.submit import shares
 from tests.experiment.cells import smoke
 from tests.experiment.command import run
+from tests.slurm.cluster import wait_for
 
 
 @pytest.fixture
@@ -99,7 +99,7 @@ def test_no_batch_boundary_in_time_requeues_all_the_same(submitits, monkeypatch)
     monkeypatch.setattr(os, "_exit", ended.append)
     with Preemption(signal.SIGUSR2, grace_seconds=1):
         os.kill(os.getpid(), signal.SIGUSR2)
-        time.sleep(1.5)
+        wait_for(lambda: ended, 60, "the end of the grace")
     assert submitits == [signal.SIGUSR2] and ended == [1]
 
 

@@ -6,7 +6,8 @@ import signal
 
 import pytest
 
-from tests.experiment.command import Done, calls, manifest, run_path
+from tests.experiment.command import Done, calls, manifest
+from tests.gate import open_gate, waiting
 from tests.slurm.cluster import ARRAY_LIMIT, wait_for
 from tests.slurm.command import submit
 
@@ -23,10 +24,10 @@ def test_more_cells_than_an_array_takes(cluster, tmp_path):
     assert len({json.loads(line)["job"].split("_")[0] for line in lines}) == 3
 
 
-def test_the_submitting_shell_goes_away(cluster, tmp_path):
+def test_the_submitting_shell_goes_away(cluster, tmp_path, gate):
     grid = ("protocol=smoke", "seed=range(4)")
-    first = submit(cluster, tmp_path, *grid, stub={"sleep": 2.5})
-    wait_for(lambda: all((run_path(tmp_path, s) / "state" / "calls").exists() for s in (0, 1)), 60, "two running jobs")
+    first = submit(cluster, tmp_path, *grid, stub={"gate": str(gate)})
+    wait_for(lambda: len(waiting(gate, 0, 1)) == 2, 120, "two running jobs")
     os.killpg(first.pid, signal.SIGKILL)
     Done(first)
 
@@ -35,19 +36,21 @@ def test_the_submitting_shell_goes_away(cluster, tmp_path):
     assert "2 busy" in second.out and "2 cells in Slurm's queue already" in second.out
     assert "submitted" not in second.out
 
+    open_gate(gate, *range(4))
     wait_for(lambda: not cluster.jobs(), 120, "the jobs of the first command")
     third = Done(submit(cluster, tmp_path, *grid, stub={}))
     assert third.code == 0, third
     assert [len(calls(tmp_path, seed)) for seed in range(4)] == [1, 1, 1, 1]
 
 
-def test_ctrl_c_ends_the_watching_only(cluster, tmp_path):
-    process = submit(cluster, tmp_path, "protocol=smoke", "seed=0", stub={"sleep": 1.0})
-    wait_for(lambda: (run_path(tmp_path) / "state" / "calls").exists(), 60, "the job")
+def test_ctrl_c_ends_the_watching_only(cluster, tmp_path, gate):
+    process = submit(cluster, tmp_path, "protocol=smoke", "seed=0", stub={"gate": str(gate)})
+    wait_for(lambda: waiting(gate, 0), 120, "the job")
     process.send_signal(signal.SIGINT)
     done = Done(process)
     assert done.code == 75, done
     assert "the jobs go on in Slurm" in done.out
+    open_gate(gate, 0)
     wait_for(lambda: not cluster.jobs(), 60, "the job's end")
     assert manifest(tmp_path)["status"] == "complete"
 

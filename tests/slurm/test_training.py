@@ -5,6 +5,7 @@ import subprocess
 import pytest
 
 from tests.experiment.command import Done, manifest, run_path
+from tests.gate import open_gate, waiting
 from tests.slurm.cluster import wait_for
 from tests.slurm.command import TRAINING, job_of, log_of, submit
 
@@ -48,34 +49,32 @@ def test_the_same_command_again_has_nothing_to_do(grid, running_cluster):
     assert "0 to do, 6 done" in again.out
 
 
-def test_requeue_and_preemption_change_no_byte(grid, cluster, tmp_path):
+def test_requeue_and_preemption_change_no_byte(grid, cluster, tmp_path, gate):
     """``scontrol requeue`` kills, as PreemptMode=REQUEUE and a dead node do; USR2 asks first."""
     undisturbed, _ = grid
-    process = submit(cluster, tmp_path, *TRAINING, "actor=bptsan", "seed=0,1")
+    process = submit(cluster, tmp_path, *TRAINING, "actor=bptsan", "seed=0,1", gate=gate)
+    wait_for(lambda: len(waiting(gate, 0, 1)) == 2, 240, "the first checkpoints")
     runs = [run_path(tmp_path, seed, **SPIKING) for seed in (0, 1)]
-
-    def steps():
-        return [manifest(tmp_path, s, **SPIKING)["step"] for s in (0, 1) if (runs[s] / "manifest.json").exists()]
 
     def resumed():
         cluster.start_requeued()
         return [manifest(tmp_path, seed, **SPIKING)["times_resumed"] for seed in (0, 1)]
 
-    wait_for(lambda: len(steps()) == 2 and min(steps()) >= 200, 120, "the first checkpoints")
     subprocess.run(["scontrol", "requeue", job_of(tmp_path, runs[0])], env=cluster.environment, check=True)
     subprocess.run(["scancel", "--signal=USR2", job_of(tmp_path, runs[1])], env=cluster.environment, check=True)
-    wait_for(lambda: resumed() == [1, 1], 120, "both to resume")
-    asked, told = log_of(tmp_path, runs[1]), "resumed at step"
-    wait_for(lambda: told in asked.read_text(), 60, told)
-    assert int(asked.read_text().rpartition(told)[2].split()[0]) > 200  # asked, it took a checkpoint before it left
+    wait_for(lambda: resumed() == [1, 1], 240, "both to resume")
+    asked = manifest(tmp_path, 1, **SPIKING)["checkpoint_step"]
+    assert asked > 200, "asked, it takes a checkpoint before it leaves"
+    open_gate(gate, 0, 1)
 
     def ended():
         cluster.start_requeued()
         return process.poll() is not None
 
-    wait_for(ended, 240, "the end")
+    wait_for(ended, 480, "the end")
     done = Done(process)
     assert done.code == 0, done
+    assert f"resumed at step {asked}\n" in log_of(tmp_path, runs[1]).read_text()
     for seed, run in enumerate(runs):
         expected = run_path(undisturbed, seed, **SPIKING) / "evaluations.csv"
         assert (run / "evaluations.csv").read_bytes() == expected.read_bytes()

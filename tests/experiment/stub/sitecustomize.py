@@ -1,8 +1,8 @@
 """Put on PYTHONPATH by tests: a trainer that only pretends, in every process that they start.
 
 ``STUB`` is JSON: what a run does by its seed ("raise", "exit", "kill", "hang", "hang in native code", "enospc",
-"diverge"), "sleep", seconds per 500 steps, and "importing", seconds before a job can take a signal. torch can't be
-imported: neither the parent nor the rim needs it.
+"diverge"), "gate", the folder of a gate at which every run waits at step 500 and later (see tests/gate), and
+"importing", seconds before a job can take a signal. torch can't be imported: neither the parent nor the rim needs it.
 """
 
 import ctypes
@@ -13,6 +13,7 @@ import signal
 import sys
 import time
 import types
+from pathlib import Path
 
 
 class NoTorch:
@@ -36,7 +37,10 @@ def train(config, run, progress, stop_requested):
     run.update_manifest(observation_size=11, action_size=3, parameters={"actor": 1, "critic": 2})
     total = config.protocol.total_steps
     while step < total:
-        time.sleep(plan.get("sleep", 0.0))
+        if "gate" in plan and step >= 500:
+            from tests.gate import wait_at_gate
+
+            wait_at_gate(Path(plan["gate"]), config.seed, stop_requested)
         behaviour = plan.get(str(config.seed)) if step == 500 else None
         if behaviour == "raise":
             raise RuntimeError("boom\nsecond line")
@@ -46,7 +50,11 @@ def train(config, run, progress, stop_requested):
             os.kill(os.getpid(), signal.SIGKILL)
         if behaviour == "hang":
             signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTERM])
-            time.sleep(600)
+            (run.state / "hanging").touch()
+            for _ in range(6000):
+                time.sleep(0.1)
+                if stop_requested():
+                    (run.state / "asked to stop").touch()
         if behaviour == "hang in native code":
             ctypes.PyDLL(None).sleep(600)  # keeps the interpreter's lock: no Python handler ever runs
         if behaviour == "enospc":
