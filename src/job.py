@@ -11,6 +11,8 @@ import json
 import os
 import signal
 import sys
+import threading
+import time
 import traceback
 
 from src.config import ConfigurationError, validate
@@ -20,6 +22,7 @@ from src.experiment.outcome import BUSY, DONE, FAILED, INTERRUPTED, KILLED_BY_US
 from src.experiment.progress import PlainProgress
 
 _PR_SET_PDEATHSIG = 1
+_WATCH_SECONDS = 1.0
 
 
 def main() -> int:
@@ -48,10 +51,23 @@ def main() -> int:
 
 
 def die_with(parent: int) -> None:
-    """Ask the kernel for a SIGTERM when the launcher dies, however it dies; exit where it is dead already."""
-    ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+    """A SIGTERM when the launcher dies, however it dies; exit where it is dead already.
+
+    Linux sends it itself; elsewhere a thread looks every second whether we have become somebody else's child.
+    """
+    prctl = getattr(ctypes.CDLL(None, use_errno=True), "prctl", None)
+    if prctl is not None:
+        prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+    else:
+        threading.Thread(target=_watch, args=(parent,), daemon=True).start()
     if os.getppid() != parent:
         sys.exit(INTERRUPTED)
+
+
+def _watch(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(_WATCH_SECONDS)
+    os.kill(os.getpid(), signal.SIGTERM)
 
 
 if __name__ == "__main__":

@@ -15,6 +15,9 @@ from omegaconf import DictConfig
 ROOT = Path(__file__).resolve().parents[1]
 PLUGINS = ROOT / "src" / "plugins"  # Hydra finds our launcher and sweeper in its namespace package
 
+if not __package__:  # ``python src/run.py``, the form that Hydra's shell completion knows
+    sys.path[0] = str(ROOT)
+
 
 @hydra.main(version_base="1.3", config_path=str(ROOT / "conf"), config_name="config")
 def task(composed: DictConfig) -> str:

@@ -50,19 +50,33 @@ def _git(*arguments: str) -> str | None:
 
 
 def processor() -> str:
-    """The processor's model name."""
+    """The processor's model name; where there is none (Linux on ARM), what identifies the model."""
     try:
-        for line in Path("/proc/cpuinfo").read_text().splitlines():
-            if line.startswith("model name"):
-                return line.split(":", 1)[1].strip()
+        lines = [line.partition(":") for line in Path("/proc/cpuinfo").read_text().splitlines()]
+        found = {key.strip(): value.strip() for key, _, value in lines}
     except OSError:
-        pass  # not Linux
-    return platform.processor() or platform.machine() or "unknown"
+        found = {}
+    if "model name" in found:
+        return found["model name"]
+    if "CPU part" in found:
+        return f"{platform.machine()} implementer {found.get('CPU implementer')} part {found['CPU part']}"
+    return _sysctl("machdep.cpu.brand_string") or platform.processor() or platform.machine() or "unknown"
+
+
+def _sysctl(name: str) -> str | None:
+    """What macOS says."""
+    try:
+        return subprocess.run(["sysctl", "-n", name], capture_output=True, text=True, check=True).stdout.strip() or None
+    except (OSError, subprocess.SubprocessError):
+        return None
 
 
 def usable_cores() -> int:
     """Cores that this process may run on (a container or Slurm may give fewer than the machine has)."""
-    return len(os.sched_getaffinity(0))
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:  # macOS
+        return os.cpu_count() or 1
 
 
 def boot_token() -> str:
@@ -70,5 +84,5 @@ def boot_token() -> str:
     try:
         boot = Path("/proc/sys/kernel/random/boot_id").read_text().strip()
     except OSError:
-        boot = platform.node()
+        boot = platform.node()  # a lock of the kernel tells of processes of an earlier boot
     return hashlib.sha256(f"spiking-actor-testbed {boot}".encode()).hexdigest()[:16]

@@ -33,16 +33,19 @@ class StopRequest:
 
 @contextmanager
 def stop_request() -> Iterator[StopRequest]:
-    """Install the handlers where nobody else has: submitit's own (SIGTERM ignored) are left alone."""
+    """Install the handlers where nobody else has: submitit's own (SIGTERM ignored) are left alone.
+
+    A script's background job begins with SIGINT ignored; it stops with a checkpoint all the same.
+    """
     request = StopRequest()
     wanted = {
-        signal.SIGTERM: (signal.SIG_DFL, request.terminate),
-        signal.SIGINT: (signal.default_int_handler, request.interrupt),
+        signal.SIGTERM: ((signal.SIG_DFL,), request.terminate),
+        signal.SIGINT: ((signal.default_int_handler, signal.SIG_IGN), request.interrupt),
     }
     before: dict[signal.Signals, Any] = {}
     if threading.current_thread() is threading.main_thread():
-        for number, (default, handler) in wanted.items():
-            if signal.getsignal(number) is default:
+        for number, (defaults, handler) in wanted.items():
+            if signal.getsignal(number) in defaults:
                 before[number] = signal.signal(number, handler)
     try:
         yield request

@@ -175,8 +175,8 @@ def _allocate(file: int, start: int, stop: int) -> None:
     """
     try:
         os.posix_fallocate(file, start, stop - start)
-    except OSError as error:
-        if error.errno not in (errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS):
+    except (AttributeError, OSError) as error:  # macOS has no such call, some file systems don't serve it
+        if isinstance(error, OSError) and error.errno not in (errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS):
             raise
-        for offset in range(start, stop, len(_ZEROS)):
-            os.pwrite(file, _ZEROS[: stop - offset], offset)
+        while start < stop:  # a short write is followed by one that says why
+            start += os.pwrite(file, _ZEROS[: stop - start], start)

@@ -87,14 +87,17 @@ def test_a_signal_while_jobs_start_is_no_failure(tmp_path):
     assert run(tmp_path, *GRID).code == 0
 
 
-def test_a_killed_launcher_leaves_no_orphan(tmp_path, gate):
-    sweep = start(tmp_path, *GRID, gate=str(gate))
+@pytest.mark.parametrize("without", [[], ["prctl"]])
+def test_a_killed_launcher_leaves_no_orphan(tmp_path, gate, without):
+    """Linux tells the jobs by prctl; where there is none they look."""
+    sweep = start(tmp_path, *GRID, gate=str(gate), without=without)
     wait_for(lambda: len(waiting(gate, 0, 1)) == 2)
     jobs = pids(tmp_path, (0, 1))
     sweep.kill()
     sweep.communicate()
     wait_for(lambda: not any(alive(pid) for pid in jobs))
-    assert manifest(tmp_path, 0)["status"] == "interrupted"
+    log = (run_path(tmp_path) / "state" / "log.txt").read_text()
+    assert manifest(tmp_path, 0)["status"] == "interrupted", log
 
 
 def test_two_launchers_at_once_run_no_cell_twice(tmp_path, gate):
@@ -123,6 +126,19 @@ def test_a_single_run_is_interrupted_resumes_and_is_skipped(tmp_path, gate):
     assert third.code == 0 and "0 to do, 1 done" in third.out and len(calls(tmp_path)) == 2, third
     longer = run(tmp_path, "protocol=smoke", "protocol.total_steps=3000")
     assert longer.code == 2 and "keep_replay=true" in longer.err and manifest(tmp_path)["step"] == 2000, longer
+
+
+def test_a_single_run_in_a_scripts_background_takes_a_checkpoint(tmp_path, gate):
+    """There a shell has SIGINT ignored."""
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        single = start(tmp_path, "protocol=smoke", gate=str(gate))
+    finally:
+        signal.signal(signal.SIGINT, before)
+    wait_for(lambda: waiting(gate, 0))
+    os.kill(single.pid, signal.SIGINT)
+    done = Done(single)
+    assert done.code == 75 and manifest(tmp_path)["status"] == "interrupted", done
 
 
 def test_a_complete_run_whose_replay_was_kept_is_extended(tmp_path):

@@ -2,7 +2,8 @@
 
 ``STUB`` is JSON: what a run does by its seed ("raise", "exit", "kill", "hang", "hang in native code", "enospc",
 "diverge"), "gate", the folder of a gate at which every run waits at step 500 and later (see tests/gate), and
-"importing", seconds before a job can take a signal. torch can't be imported: neither the parent nor the rim needs it.
+"importing", seconds before a job can take a signal; "without", functions of the C library that are taken away. torch
+can't be imported: neither the parent nor the rim needs it.
 """
 
 import ctypes
@@ -85,5 +86,7 @@ if "STUB" in os.environ:
     package.session = session
     session.train, session.shrink_state = train, shrink_state
     sys.modules |= {"src.training": package, "src.training.session": session}
+    for name in json.loads(os.environ["STUB"]).get("without", ()):
+        setattr(ctypes.CDLL, name, property(lambda _: (_ for _ in ()).throw(AttributeError("not on this machine"))))
     if "src.job" in sys.orig_argv:
         time.sleep(json.loads(os.environ["STUB"]).get("importing", 0))
