@@ -89,7 +89,7 @@ def _all_backward(layers: list[_Layer], *, weights: bool, to_input: bool) -> lis
 def products_of_a_burst(config: ExperimentConfig, observation_size: int, action_size: int) -> list[Product]:
     """The products of ``protocol.update_every`` updates, in their order; targets group by group, as the learners do."""
     batch, algo, count = config.algo.batch_size, config.algo, config.protocol.update_every
-    groups = list(target_groups(count, getattr(algo, "policy_delay", 1)))
+    groups = list(target_groups(0, count, getattr(algo, "policy_delay", 1)))
     sizes = (observation_size + action_size, *algo.critic_hidden_sizes, 1)
     log_std_sizes: tuple[int, ...] = ()
     if isinstance(algo, SACConfig):

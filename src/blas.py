@@ -1,43 +1,161 @@
-"""The matrix product of a BLAS library as a function that Numba kernels can call by name.
+"""The matrix product of a BLAS library, at an address that Numba kernels call.
 
-A product of batch 100 and width 256 takes about 0.1 ms, so that what PyTorch and Python spend around each is a third of
-an update. Kernels that call the products themselves (:mod:`src.ensemble_mlp_kernel`) spend it once per network.
+A product of batch 100 and width 256 takes some 0.05 ms, so that what PyTorch and Python spend around each is a third of
+an update. Kernels that call the products themselves spend it once per network.
 
-The library is PyTorch's own MKL where PyTorch exports it (Linux on x86), else the one behind SciPy, found in the way
-Numba documents. Both take Fortran's arguments: everything by address, matrices column by column. Sizes are 64 bits wide
-in memory, of which a library with 32-bit integers reads the lower half.
+Two libraries may be there: PyTorch's own MKL, where PyTorch exports it (Linux on x86), and the one behind SciPy,
+OpenBLAS in its packages. MKL takes its AVX-512 path on Intel's processors only; elsewhere OpenBLAS is up to twice as
+fast (docs/performance.md). So the rule is: MKL on a processor of Intel's, else OpenBLAS.
+
+Both take Fortran's arguments: everything by address, matrices column by column. Sizes are 64 bits wide in memory, of
+which a library with 32-bit integers reads the lower half.
 """
 
 from __future__ import annotations
 
 import ctypes
+import os
+import platform
+from functools import cache
 from pathlib import Path
+from typing import Any, Literal, NamedTuple
 
-import llvmlite.binding
 import torch
-from numba import float32, int64, types, uint8
-from numba.extending import get_cython_function_address
+from llvmlite import ir
+from numba import types
+from numba.extending import get_cython_function_address, intrinsic
 
-_SYMBOL = "spiking_actor_sgemm"  # cached kernels hold it: other arguments need another name
+Choice = Literal["auto", "mkl", "openblas"]
+#: Environment variables that make OpenBLAS take another kernel than the processor's own.
+OVERRIDES = ("OPENBLAS_CORETYPE",)
 
 
-def _address() -> tuple[int, str]:
-    """Where the function lies, and the library's name."""
+class BLASUnavailableError(ValueError):
+    """The library that was asked for is not on this machine. The message is for the user."""
+
+
+class Library(NamedTuple):
+    """The BLAS in use."""
+
+    name: str  # mkl, openblas, or what else SciPy brings
+    version: str | None
+    architecture: str | None  # of its kernels, where the library tells
+
+
+_selected: dict[str, str] = {}
+
+
+def select(choice: Choice = "auto", recorded: str | None = None) -> Library:
+    """Choose the library of this process's products.
+
+    Args:
+        choice: ``auto`` follows the rule above.
+        recorded: the library that a run began with; ``auto`` keeps it where it is there.
+
+    Raises:
+        BLASUnavailableError: there is no such library here.
+    """
+    wanted = preferred() if choice == "auto" else choice
+    if choice == "auto" and recorded in ("mkl", "openblas") and _address(recorded) is not None:
+        wanted = recorded
+    if _address(wanted) is None:
+        raise BLASUnavailableError(
+            "blas=mkl: PyTorch has no MKL here (it comes with PyTorch on Linux on x86); use blas=auto or openblas."
+        )
+    _selected["name"] = wanted
+    return library()
+
+
+def preferred() -> str:
+    """The library by the rule on the processor."""
+    return "mkl" if _is_intel() and _address("mkl") is not None else "openblas"
+
+
+def library() -> Library:
+    """The library in use, with its version and the architecture whose kernels it runs."""
+    return _describe(_name())
+
+
+def sgemm_address() -> int:
+    """Where the product of the selected library lies; an argument of the kernels."""
+    found = _address(_name())
+    assert found is not None  # select() has seen to it
+    return found
+
+
+def held_back() -> str | None:
+    """One sentence where an environment variable makes OpenBLAS take slower kernels than this processor has."""
+    held = {name: os.environ[name] for name in OVERRIDES if os.environ.get(name)}
+    if _name() != "openblas" or not held:
+        return None
+    settings = " ".join(f"{name}={value}" for name, value in held.items())
+    return (
+        f"OpenBLAS runs its {library().architecture} kernels because of {settings}; on a processor with AVX-512 that "
+        f"costs about half of the speed of training. To run without it: env {' '.join(f'-u {n}' for n in held)} "
+        "python -m src.run ..."
+    )
+
+
+def _name() -> str:
+    return _selected.setdefault("name", preferred())
+
+
+@cache
+def _address(name: str) -> int | None:
+    if name == "openblas":
+        return int(get_cython_function_address("scipy.linalg.cython_blas", "sgemm"))
     path = Path(torch.__file__).parent / "lib" / "libtorch_cpu.so"
     if torch.backends.mkl.is_available() and path.exists():
         function = getattr(ctypes.CDLL(str(path)), "sgemm_", None)
-        if function is not None and (address := ctypes.cast(function, ctypes.c_void_p).value):
-            return address, "MKL of PyTorch"
-    return get_cython_function_address("scipy.linalg.cython_blas", "sgemm"), "BLAS of SciPy"
+        return None if function is None else ctypes.cast(function, ctypes.c_void_p).value
+    return None
 
 
-_found, LIBRARY = _address()
-llvmlite.binding.add_symbol(_SYMBOL, _found)
+@cache
+def _is_intel() -> bool:
+    try:
+        with Path("/proc/cpuinfo").open() as lines:
+            return any(line.startswith("vendor_id") and "GenuineIntel" in line for line in lines)
+    except OSError:  # not Linux
+        return "Intel" in platform.processor()
 
-_int, _float, _flag = types.CPointer(int64), types.CPointer(float32), types.CPointer(uint8)
 
-#: ``sgemm(transa, transb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc)``: ``C = alpha op(A) op(B) + beta C``.
-sgemm = types.ExternalFunction(
-    _SYMBOL,
-    types.void(_flag, _flag, _int, _int, _int, _float, _float, _int, _float, _int, _float, _float, _int),
-)
+@cache
+def _describe(name: str) -> Library:
+    if name == "mkl":
+        lines = [line for line in torch.__config__.show().splitlines() if "Math Kernel Library Version" in line]
+        version = lines[0].split("Version", 1)[1].split()[0] if lines else None
+        return Library("mkl", version, None)
+    from threadpoolctl import threadpool_info  # it finds the library only once SciPy has loaded it
+
+    for found in threadpool_info():
+        if found["user_api"] == "blas" and "scipy" in Path(found["filepath"]).parent.name:
+            return Library(found["internal_api"], found["version"], found.get("architecture"))
+    return Library("openblas", None, None)
+
+
+@intrinsic
+def call_sgemm(typing_context, address, flags, sizes, factors, a, b, c):  # type: ignore[no-untyped-def]
+    """``C = alpha op(A) op(B) + beta C`` of the function at ``address``, column by column.
+
+    ``flags`` holds transa and transb (uint8), ``sizes`` m, n, k, lda, ldb, ldc (int64), ``factors`` alpha and beta
+    (float32); a, b, c are addresses. (Cached kernels hold this code: other arguments need another name.)
+    """
+    signature = types.void(address, flags, sizes, factors, a, b, c)
+    return signature, _generate_call
+
+
+def _generate_call(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    function, _, _, _, a, b, c = arguments
+    word = ir.IntType(64)
+
+    def item(position: int, index: int) -> Any:
+        array = context.make_array(signature.args[position])(context, builder, arguments[position])
+        return builder.ptrtoint(builder.gep(array.data, [ir.Constant(word, index)]), word)
+
+    m, n, k, lda, ldb, ldc = (item(2, index) for index in range(6))
+    transa, transb, alpha, beta = item(1, 0), item(1, 1), item(3, 0), item(3, 1)
+    kind = ir.FunctionType(ir.VoidType(), [word] * 13)
+    pointer = builder.inttoptr(function, kind.as_pointer())
+    builder.call(pointer, [transa, transb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc])
+    return context.get_dummy_value()

@@ -17,7 +17,7 @@ from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
 #: Raised by hand when a change of the code moves results; part of every configuration hash.
-ENGINE = 2
+ENGINE = 3
 
 _STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 Positive = Annotated[int, Field(ge=1)]
@@ -215,6 +215,8 @@ class ExperimentConfig:
     keep_replay: bool
     dry_run: bool
     sweeps: None = None
+    keep_best: bool = True  # besides the final policy that of the best evaluation
+    blas: Literal["auto", "mkl", "openblas"] = "auto"  # the library of the matrix products (src/blas.py)
 
 
 _SCHEMA = TypeAdapter(ExperimentConfig)

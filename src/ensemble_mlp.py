@@ -22,6 +22,7 @@ import torch
 from torch import Tensor, nn
 
 from src.actors.kernels import as_array, takes_kernel
+from src.blas import sgemm_address
 from src.ensemble_mlp_kernel import backward_kernel, descend_kernel, forward_kernel, regress_kernel
 from src.places import GradientOf, Places, destinations
 from src.streams import Streams
@@ -43,28 +44,34 @@ def ensemble_mlp(parameters: Sequence[Tensor], final_relu: bool, x: Tensor, plac
 
 @torch.no_grad()
 def ensemble_mlp_vjp(
-    parameters: Sequence[Tensor], final_relu: bool, x: Tensor, places: Places
+    parameters: Sequence[Tensor], final_relu: bool, x: Tensor, places: Places, last: int | None = None
 ) -> tuple[Tensor, PullOutputs]:
     """:func:`ensemble_mlp` on ``[B, in]`` without autograd, and its vector-Jacobian product (as of ``torch.func.vjp``).
 
-    The second result takes the gradient to the outputs and fills those of the parameters that ``gradient_of`` holds,
-    before any of them changes.
+    The product is that of the last rows of x where ``last`` says how many. The second result takes the gradient to the
+    outputs and fills those of the parameters that ``gradient_of`` holds, before any of them changes.
     """
     if _takes_kernel(x, parameters[0]):
         networks = places.once(_networks, parameters)
         hidden = _fused_forward(x, networks, final_relu, keep=True)
+        kept = _last_rows(hidden, last)
 
         def pull(to_outputs: Tensor, gradient_of: GradientOf, to_input: bool) -> Tensor | None:
             to = places.once(_gradients, parameters, gradient_of)
-            return _fused_pull(hidden, networks, final_relu, to_outputs, to, to_input)
+            return _fused_pull(kept, networks, final_relu, to_outputs, to, to_input)
 
     else:
         hidden = _forward(x, parameters, final_relu)
+        kept = _last_rows(hidden, last)
 
         def pull(to_outputs: Tensor, gradient_of: GradientOf, to_input: bool) -> Tensor | None:
-            return _pull(hidden, parameters, final_relu, to_outputs, destinations(parameters, gradient_of), to_input)
+            return _pull(kept, parameters, final_relu, to_outputs, destinations(parameters, gradient_of), to_input)
 
     return hidden[-1], pull
+
+
+def _last_rows(hidden: Sequence[Tensor], last: int | None) -> Sequence[Tensor]:
+    return hidden if last is None else [h[..., -last:, :].contiguous() for h in hidden]
 
 
 def _forward(x: Tensor, parameters: Sequence[Tensor], final_relu: bool) -> list[Tensor]:
@@ -158,7 +165,7 @@ def _fused_forward(x: Tensor, networks: _Networks, final_relu: bool, keep: bool)
     outputs = [x.new_empty(ensemble, batch, b.shape[2]) for b in (parameters[1::2] if keep else parameters[-1:])]
     addresses = np.zeros(len(sizes), np.int64)
     addresses[0], addresses[-len(outputs) :] = x.data_ptr(), [y.data_ptr() for y in outputs]
-    forward_kernel()(ensemble, batch, sizes, networks.addresses, addresses, final_relu)
+    forward_kernel()(sgemm_address(), ensemble, batch, sizes, networks.addresses, addresses, final_relu)
     return [x, *outputs]
 
 
@@ -173,7 +180,7 @@ def _fused_pull(
     g_input = torch.empty_like(x) if to_input else None
     addresses = (networks.addresses, _addresses(hidden), g.data_ptr(), final_relu, to.addresses)
     columns = (0 if g_input is None else g_input.data_ptr(), 0, x.shape[1])
-    backward_kernel()(networks.ensemble, x.shape[0], networks.sizes, *addresses, *columns)
+    backward_kernel()(sgemm_address(), networks.ensemble, x.shape[0], networks.sizes, *addresses, *columns)
     return g_input
 
 
@@ -194,7 +201,8 @@ def _fused_regression(x: Tensor, target: Tensor, networks: _Networks, to: _Gradi
     x, shape = x.contiguous(), (networks.ensemble, x.shape[0])
     outputs, loss = x.new_empty(shape), x.new_empty(1)
     addresses = (networks.addresses, x.data_ptr(), to.addresses)
-    regress_kernel()(*shape, networks.sizes, *addresses, as_array(target), outputs.numpy(), loss.numpy())
+    results = (outputs.numpy(), loss.numpy())
+    regress_kernel()(sgemm_address(), *shape, networks.sizes, *addresses, as_array(target), *results)
     return outputs, loss[0]
 
 
@@ -219,7 +227,7 @@ def _fused_smallest_output_gradient(
     outputs, gradient = x.new_empty(members, batch), x.new_empty(batch, x.shape[1] - split)
     columns = (gradient.data_ptr(), split, x.shape[1])
     addresses = (networks.addresses, x.data_ptr())
-    descend_kernel()(members, batch, networks.sizes, *addresses, scale, outputs.numpy(), *columns)
+    descend_kernel()(sgemm_address(), members, batch, networks.sizes, *addresses, scale, outputs.numpy(), *columns)
     return outputs, gradient
 
 
@@ -260,9 +268,9 @@ class EnsembleMLP(nn.Module):
         """Outputs ``[E, B, out]`` for inputs ``[B, in]``."""
         return ensemble_mlp(self.parameter_pairs, self.final_relu, x, self.places)
 
-    def vjp(self, x: Tensor) -> tuple[Tensor, PullOutputs]:
+    def vjp(self, x: Tensor, last: int | None = None) -> tuple[Tensor, PullOutputs]:
         """See :func:`ensemble_mlp_vjp`."""
-        return ensemble_mlp_vjp(self.parameter_pairs, self.final_relu, x, self.places)
+        return ensemble_mlp_vjp(self.parameter_pairs, self.final_relu, x, self.places, last)
 
     def regress(self, x: Tensor, target: Tensor, gradient_of: GradientOf) -> tuple[Tensor, Tensor]:
         """One regression step of networks with one output each, without autograd.

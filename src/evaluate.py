@@ -15,7 +15,7 @@ from src.experiment import threads
 def parse() -> argparse.Namespace:
     """The command line."""
     parser = argparse.ArgumentParser(prog="python -m src.evaluate", description=__doc__)
-    parser.add_argument("run", type=Path, help="a run directory, or its state/policy.pt")
+    parser.add_argument("run", type=Path, help="a run directory, or its policy.pt")
     parser.add_argument("--episodes", type=int, default=10, help="episodes to play (default: 10)")
     parser.add_argument(
         "--seed", type=int, default=0, help="seed of the episodes; another one gives others (default: 0)"
@@ -35,11 +35,13 @@ def policy_path(run: Path) -> Path:
     Raises:
         ConfigurationError: there is none; the message says why that may be.
     """
-    path = run if run.is_file() else run / "state" / "policy.pt"
+    path = run if run.is_file() else run / "policy.pt"
+    if not path.is_file() and (run / "state" / "policy.pt").is_file():  # of a run of engine 1 or 2
+        path = run / "state" / "policy.pt"
     if not path.is_file():
         raise ConfigurationError(
-            f"{run}: no trained policy (state/policy.pt) is there. A run leaves it when it completes, and state/ is "
-            "not in git: train the cell on this machine first, or name the policy file."
+            f"{run}: no trained policy (policy.pt) is there. A run leaves it when it completes: train the cell first, "
+            "or name the policy file."
         )
     return path
 

@@ -39,6 +39,25 @@ class Actor(nn.Module):
         """:meth:`forward` with the spiking health of the same pass; gradients flow through the raw action."""
         return self(observation, generator), NOTHING_SPIKES
 
+    def minibatches(self, observation: Tensor, generator: torch.Generator | None = None) -> Tensor:
+        """:meth:`forward` without gradient on G minibatches, ``[G, B, N] -> [G, B, M]``, one after the other.
+
+        An actor may have a faster way to the same numbers; each minibatch draws its own chance, in their order.
+        """
+        with torch.no_grad():
+            return torch.stack([self(minibatch, generator) for minibatch in observation])
+
+    def vjp_after(
+        self, before: Tensor, observation: Tensor, generator: torch.Generator | None = None, with_health: bool = False
+    ) -> tuple[Tensor, Tensor, ActorHealth | None, Pull]:
+        """The raw action of ``before``, without gradient, and then :meth:`vjp` of the observation; both ``[B, N]``.
+
+        An actor may have a faster way to the same numbers.
+        """
+        with torch.no_grad():
+            raw_before = self(before, generator)
+        return raw_before, *self.vjp(observation, generator, with_health)
+
     def vjp(
         self, observation: Tensor, generator: torch.Generator | None = None, with_health: bool = False
     ) -> tuple[Tensor, ActorHealth | None, Pull]:

@@ -22,6 +22,7 @@ from src.actors.lif_cpu import offsets_array
 from src.actors.lif_kernel import network_backward_kernel, network_forward_kernel
 from src.actors.population_encoder import receptive_field_gradients, receptive_fields
 from src.actors.spiking_network import Network, Weights
+from src.blas import sgemm_address
 from src.places import GradientOf, destinations
 
 _FLOAT = 4  # bytes
@@ -29,12 +30,12 @@ _LINE = 16  # floats of a cache line, at which each part of what the layers did 
 
 
 class Pass(NamedTuple):
-    """What a pass leaves."""
+    """What a pass leaves; all but the raw actions and the input spikes of the last minibatch."""
 
-    raw: Tensor  # action, [B, M]
+    raw: Tensor  # actions of all minibatches, [G, B, M]
+    input_spikes: Tensor  # of the encoder, [G, T, B, N*J]
     distance: Tensor  # s - mu, [B, N, J]
     strength: Tensor  # A, [B, N, J]
-    spikes: Tensor  # of the encoder, [T, B, N*J]
     rates: Tensor  # of the output neurons, [B, M, P]
     weights: Weights
     block: Tensor  # what the layers did
@@ -42,40 +43,52 @@ class Pass(NamedTuple):
 
     def trace(self) -> Trace:
         """Spikes and potentials of every layer, found in the block; of a pass that kept them."""
-        steps, samples, _ = self.spikes.shape
+        _, steps, samples, _ = self.input_spikes.shape
         layers = []
-        for n, (spikes, potentials, *_) in zip(self.layout.sizes[1:].tolist(), (self.layout.places // _FLOAT).tolist()):
+        for n, (spikes, potentials, *_) in zip(self.layout.sizes[1:].tolist(), self.last_places().tolist()):
             count = steps * samples * n
-            parts = self.block[spikes : spikes + count], self.block[potentials : potentials + count]
-            layers.append((parts[0].view(steps, samples, n), parts[1].view(steps, samples, n)))
-        return Trace(self.spikes, layers)
+            starts = (spikes // _FLOAT, potentials // _FLOAT)
+            parts = [self.block[start : start + count].view(steps, samples, n) for start in starts]
+            layers.append((parts[0], parts[1]))
+        return Trace(self.input_spikes[-1], layers)
+
+    def last_places(self) -> np.ndarray:
+        """Where the layers left what they did in the last minibatch, as in the layout."""
+        groups, steps, samples, _ = self.input_spikes.shape
+        places = self.layout.places.copy()
+        places[:, 0] += (groups - 1) * steps * samples * self.layout.sizes[1:] * _FLOAT
+        return places
 
 
 @torch.no_grad()
 def fused_actor(
     network: Network, weights: Weights, observation: Tensor, generator: torch.Generator | None, keep: bool
 ) -> Pass:
-    """A pass of the actor.
+    """A pass of the actor over G minibatches, each of which draws its own key of Poisson coding.
 
     Args:
         network: the actor.
         weights: as it gives them.
-        observation: ``[B, N]``.
+        observation: ``[G, B, N]``.
         generator: the stream of Poisson coding.
-        keep: whether :meth:`Pass.trace` or :func:`fused_gradient` is to follow.
+        keep: whether :meth:`Pass.trace` or :func:`fused_gradient` of the last minibatch is to follow.
 
     Raises:
         ValueError: an observation of another size; Poisson coding without a generator.
     """
     encoder, decoder = network.encoder, network.decoder
-    distance, strength = receptive_fields(observation, encoder.mean, encoder.std)
-    spikes = encoder.encode(strength.flatten(1), generator).contiguous()
-    steps, samples, _ = spikes.shape
+    groups, samples = observation.shape[:2]
+    distance, strength = receptive_fields(observation.flatten(0, 1), encoder.mean, encoder.std)
+    spikes = strength.new_empty(groups, encoder.time_steps, samples, encoder.size)
+    for strengths, train in zip(strength.view(groups, samples, encoder.size), spikes):
+        encoder.encode(strengths, generator, out=train)
     layout = _layout(spikes.shape, weights.shapes, len(network.offsets), decoder.weight.numel(), keep)
-    block, rates = observation.new_empty(layout.floats), observation.new_empty(samples, *decoder.weight.shape)
+    block, rates = observation.new_empty(layout.floats), observation.new_empty(groups * samples, *decoder.weight.shape)
     network_forward_kernel()(
+        sgemm_address(),
         spikes.data_ptr(),
-        steps,
+        groups,
+        encoder.time_steps,
         samples,
         layout.sizes,
         weights.table,
@@ -85,8 +98,8 @@ def fused_actor(
         keep,
         rates.data_ptr(),
     )
-    raw = decode(rates, decoder.weight, decoder.bias)
-    return Pass(raw, distance, strength, spikes, rates, weights, block, layout)
+    raw = decode(rates, decoder.weight, decoder.bias).view(groups, samples, len(decoder.weight))
+    return Pass(raw, spikes, distance[-samples:], strength[-samples:], rates[-samples:], weights, block, layout)
 
 
 class _Layout(NamedTuple):
@@ -105,16 +118,16 @@ def _layout(
     outputs: int,
     keep: bool,
 ) -> _Layout:
-    """For input spikes ``[T, B, inputs]`` and of each layer the shapes of its weight, bias and lateral weights, and d.
+    """For input spikes ``[G, T, B, inputs]`` and each layer's d and shapes of its weight, bias and lateral weights.
 
     Raises:
         ValueError: shapes that do not fit each other; the kernels, which take addresses, would not notice.
     """
-    steps, samples, inputs = spikes
+    groups, steps, samples, inputs = spikes
     sizes = [inputs, *(weight[0] for weight, *_ in layers)]
     fit = [weight[1] for weight, *_ in layers] + [outputs] == sizes
-    for weight, bias, lateral, _ in layers:
-        fit = fit and bias == weight[:1] and lateral in (None, (neighbours, *weight[:1]))
+    for weight, bias, lateral, d in layers:
+        fit = fit and bias in (weight[:1], (d, *weight[:1])) and lateral in (None, (neighbours, *weight[:1]))
     if not fit:
         told = [None if shape is None else [*shape] for *shapes, _ in layers for shape in shapes]
         raise ValueError(f"parameters that do not fit {inputs} inputs and {outputs} outputs, or each other: {told}")
@@ -123,7 +136,9 @@ def _layout(
         neurons = steps * samples * n
         kept = neurons if keep else 0
         row = []
-        for count in (neurons, kept, (kept + _FLOAT - 1) // _FLOAT if d > 1 else 0, d * n * below if d > 1 else 0):
+        dendritic = int(d > 1)
+        largest_branches = dendritic * (kept + _FLOAT - 1) // _FLOAT
+        for count in (groups * neurons, kept, largest_branches, dendritic * d * n * below):
             row.append(end * _FLOAT)
             end += (count + _LINE - 1) // _LINE * _LINE
         places.append(row)
@@ -140,25 +155,27 @@ def fused_gradient(network: Network, done: Pass, to_raw: Tensor, gradient_of: Gr
         to_raw: gradient to the raw action, ``[B, M]``.
         gradient_of: where those of the parameters belong.
     """
-    if to_raw.shape != done.raw.shape or not takes_kernel(to_raw):
+    if to_raw.shape != done.raw.shape[1:] or not takes_kernel(to_raw):
         found = f"{[*to_raw.shape]}, {to_raw.dtype}, {to_raw.device}"
-        raise ValueError(f"the raw action is {[*done.raw.shape]}, float32 on the CPU, the gradient to it {found}")
+        raise ValueError(f"the raw action is {[*done.raw.shape[1:]]}, float32 on the CPU, the gradient to it {found}")
     to = network.places.once(_destinations, network, gradient_of)
     torch.sum(to_raw.unsqueeze(-1) * done.rates, 0, out=to.weight)
     torch.sum(to_raw, 0, out=to.bias)
-    steps, samples, inputs = done.spikes.shape
+    spikes = done.input_spikes[-1]
+    steps, samples, inputs = spikes.shape
     to_raw, decoder = to_raw.contiguous(), network.decoder.weight.contiguous()
     to_strength = to_raw.new_empty(samples if to.encoder is not None else 0, inputs)
     network_backward_kernel()(
+        sgemm_address(),
         to_raw.data_ptr(),
         decoder.data_ptr(),
         to_raw.shape[1],
-        done.spikes.data_ptr(),
+        spikes.data_ptr(),
         steps,
         samples,
         done.layout.sizes,
         done.weights.table,
-        done.layout.places + done.block.data_ptr(),
+        done.last_places() + done.block.data_ptr(),
         to.table,
         offsets_array(network.offsets),
         *network.constants,

@@ -60,6 +60,7 @@ def _scan(
     z = currents.detach().contiguous().numpy().reshape(steps, samples, branches, neurons)
     forward_kernel()(
         z,
+        no_rows(neurons),
         _zero_row(neurons) if bias is None else as_array(bias),
         no_rows(neurons) if lateral is None else as_array(lateral),
         offsets_array(offsets),
@@ -93,6 +94,7 @@ def backward(
         offsets_array(offsets),
         *(np.float32(constant) for constant in constants),
         grad_currents.numpy().reshape(steps, samples, branches, neurons),
+        no_rows(neurons),
         grad_bias.numpy(),
         grad_lateral.numpy(),
     )

@@ -16,26 +16,26 @@ import numpy as np
 from numba import carray, float32, int8, int64, njit, void
 
 from src.actors.kernels import bytes_at, compiled, disjoint, floats_at
-from src.blas import sgemm
+from src.blas import call_sgemm
 
 ZERO, ONE = np.float32(0), np.float32(1)
-SIZE = np.dtype(str(sgemm.sig.args[2].dtype)).type  # of the integers that BLAS takes
+LINE = 64  # bytes of a cache line, at which every buffer begins
 
 _ROW, _ROWS, _STEPS = float32[::1], float32[:, ::1], float32[:, :, ::1]
 _CURRENTS, _BRANCH, _OFFSETS = float32[:, :, :, ::1], int8[:, :, ::1], int64[::1]
-_FORWARD = void(_CURRENTS, _ROW, _ROWS, _OFFSETS, float32, float32, float32, _STEPS, _STEPS, _BRANCH)
+_FORWARD = void(_CURRENTS, _ROWS, _ROW, _ROWS, _OFFSETS, float32, float32, float32, _STEPS, _STEPS, _BRANCH)
 _BACKWARD = void(
     _STEPS, _STEPS, _STEPS, _BRANCH, _ROWS, _OFFSETS, float32, float32, float32, float32, float32, float32,
-    _CURRENTS, _ROW, _ROWS,
+    _CURRENTS, _ROWS, _ROW, _ROWS,
 )  # fmt: skip
 _SPREAD = void(_ROWS, int8[:, ::1], _STEPS)
 _TABLE = int64[:, ::1]
 _NETWORK_FORWARD = void(
-    int64, int64, int64, _OFFSETS, _TABLE, _TABLE, _OFFSETS, float32, float32, float32, int64, int64
+    int64, int64, int64, int64, int64, _OFFSETS, _TABLE, _TABLE, _OFFSETS, float32, float32, float32, int64, int64
 )  # fmt: skip
 _NETWORK_BACKWARD = void(
-    int64, int64, int64, int64, int64, int64, _OFFSETS, _TABLE, _TABLE, _TABLE, _OFFSETS, float32, float32, float32,
-    float32, float32, float32, _ROWS, int64,
+    int64, int64, int64, int64, int64, int64, int64, _OFFSETS, _TABLE, _TABLE, _TABLE, _OFFSETS, float32, float32,
+    float32, float32, float32, float32, _ROWS, int64,
 )  # fmt: skip
 
 
@@ -142,11 +142,12 @@ def _branch_gradient(gz, gc, branch, index):  # type: ignore[no-untyped-def]
 
 
 def _forward(  # type: ignore[no-untyped-def]
-    currents, bias, lateral, offsets, current_decay, voltage_decay, threshold, spikes, potentials, branches
+    currents, branch_bias, bias, lateral, offsets, current_decay, voltage_decay, threshold, spikes, potentials, branches
 ):
     """Fill ``spikes``; and ``potentials`` and ``branches`` where they are not empty (acting needs neither).
 
-    Shapes: currents ``[T, B, d, n]``, bias ``[n]``, lateral ``[K, n]``, offsets ``[K]``, the others ``[T, B, n]``.
+    Shapes: currents ``[T, B, d, n]``, branch_bias ``[d, n]`` or empty (added in place), bias ``[n]``, lateral
+    ``[K, n]``, offsets ``[K]``, the others ``[T, B, n]``.
     """
     steps, samples, dendrites, n = currents.shape
     neighbours = lateral.shape[0]
@@ -171,6 +172,8 @@ def _forward(  # type: ignore[no-untyped-def]
             if dendrites == 1:
                 _current(c, currents[t, b, 0], bias, current_decay)
             else:
+                for m in range(branch_bias.shape[0]):
+                    _add(currents[t, b, m], branch_bias[m])
                 _maxout_first(x, branch, currents[t, b, 0], currents[t, b, 1])
                 for m in range(2, dendrites):
                     _maxout_next(x, branch, currents[t, b, m], np.int8(m))
@@ -194,9 +197,9 @@ def _forward(  # type: ignore[no-untyped-def]
 
 def _backward(  # type: ignore[no-untyped-def]
     grad, spikes, potentials, branches, lateral, offsets, current_decay, voltage_decay, threshold, window, reset,
-    through_lateral, grad_currents, grad_bias, grad_lateral,
+    through_lateral, grad_currents, grad_branch_bias, grad_bias, grad_lateral,
 ):  # fmt: skip
-    """Fill ``grad_currents`` and add to ``grad_bias`` and ``grad_lateral``.
+    """Fill ``grad_currents`` and add to ``grad_branch_bias``, ``grad_bias`` and ``grad_lateral``.
 
     Shapes as in the forward kernel, ``grad`` as ``spikes``; ``reset`` and ``through_lateral`` are 1 or 0: whether the
     reset and the lateral term carry gradient to the spikes of the step before.
@@ -251,6 +254,8 @@ def _backward(  # type: ignore[no-untyped-def]
             else:
                 for m in range(dendrites):
                     _branch_gradient(grad_currents[t, b, m], gc, branches[t, b], np.int8(m))
+                for m in range(grad_branch_bias.shape[0]):
+                    _add(grad_branch_bias[m], grad_currents[t, b, m])
 
 
 def _spread(weight, branch, spread):  # type: ignore[no-untyped-def]
@@ -274,49 +279,60 @@ def _gather(gathered, branch, spread):  # type: ignore[no-untyped-def]
                 target[i] = value if own[i] == np.int8(m) else others
 
 
-def _product(a, a_transposed, b, b_transposed, c):  # type: ignore[no-untyped-def]
-    """``C = op(A) op(B)``, row by row: Fortran's ``C^T = op(B)^T op(A)^T``, as PyTorch calls it: equal bit for bit."""
+def _product(gemm, a, a_transposed, b, b_transposed, c):  # type: ignore[no-untyped-def]
+    """``C = op(A) op(B)``, row by row: Fortran's ``C^T = op(B)^T op(A)^T``; ``gemm`` is the product's address."""
     rows, columns = c.shape
     inner = a.shape[0] if a_transposed else a.shape[1]
-    sizes = np.array([columns, rows, inner, b.shape[1], a.shape[1], columns], SIZE)
+    sizes = np.array([columns, rows, inner, b.shape[1], a.shape[1], columns], np.int64)
     factors = np.array([1, 0], np.float32)
     flags = np.array([ord("T") if b_transposed else ord("N"), ord("T") if a_transposed else ord("N")], np.uint8)
-    sgemm(
-        flags.ctypes, flags[1:].ctypes, sizes.ctypes, sizes[1:].ctypes, sizes[2:].ctypes,
-        factors.ctypes, b.ctypes, sizes[3:].ctypes, a.ctypes, sizes[4:].ctypes,
-        factors[1:].ctypes, c.ctypes, sizes[5:].ctypes,
-    )  # fmt: skip
+    call_sgemm(gemm, flags, sizes, factors, int64(b.ctypes.data), int64(a.ctypes.data), int64(c.ctypes.data))
+
+
+def _aligned(count):  # type: ignore[no-untyped-def]
+    """Uninitialised floats that begin at a cache line: a product's bits may hang on its alignment."""
+    memory = np.empty(count + LINE // 4, np.float32)
+    start = -int64(memory.ctypes.data) % LINE // 4
+    return memory[start : start + count]
 
 
 def _layer_forward(  # type: ignore[no-untyped-def]
-    x, weight, branch, matrix, bias, lateral, offsets, current_decay, voltage_decay, threshold, spikes, potentials,
-    branches,
+    gemm, x, weight, branch, matrix, branch_bias, bias, lateral, offsets, current_decay, voltage_decay, threshold,
+    spikes, potentials, branches,
 ):  # fmt: skip
-    """The scan of ``x matrix^T``, where ``matrix`` is first filled from ``weight`` and ``branch`` unless that is empty.
+    """The scans of ``x matrix^T``; ``matrix`` is first filled from ``weight`` and ``branch`` unless that is empty.
 
-    Shapes: x ``[T*B, inputs]``, weight and branch ``[n, inputs]``, matrix ``[d*n, inputs]``, the others as of the scan.
+    Shapes: x ``[G*T*B, inputs]``, weight and branch ``[n, inputs]``, matrix ``[d*n, inputs]``, spikes ``[G, T, B, n]``;
+    potentials and branches ``[K, T, B, n]`` of the last K minibatches (of branches none where d is 1); the others as of
+    the scan.
     """
-    steps, samples, n = spikes.shape
+    groups, steps, samples, n = spikes.shape
     width, inputs = matrix.shape
+    dropped = groups - potentials.shape[0]
     if branch.shape[0] > 0:
         _spread(weight, branch, matrix.reshape(width // n, n, inputs))
     if width == n:  # a spike takes the place of its current
-        currents = spikes.reshape(steps * samples, n)
+        currents = spikes.reshape(groups * steps * samples, n)
     else:
-        currents = np.empty((steps * samples, width), np.float32)
-    _product(x, False, matrix, True, currents)
-    _forward(
-        currents.reshape(steps, samples, width // n, n), bias, lateral, offsets, current_decay, voltage_decay,
-        threshold, spikes, potentials, branches,
-    )  # fmt: skip
+        currents = _aligned(groups * steps * samples * width).reshape(groups * steps * samples, width)
+    _product(gemm, x, False, matrix, True, currents)
+    by_group = currents.reshape(groups, steps, samples, width // n, n)
+    for g in range(groups):
+        kept = potentials[g - dropped] if g >= dropped else np.empty((0, 0, 0), np.float32)
+        largest = branches[g - dropped] if g >= dropped and width > n else np.empty((0, 0, 0), np.int8)
+        _forward(
+            by_group[g], branch_bias, bias, lateral, offsets, current_decay, voltage_decay, threshold, spikes[g], kept,
+            largest,
+        )  # fmt: skip
 
 
 def _layer_backward(  # type: ignore[no-untyped-def]
-    grad, x, branch, matrix, spikes, potentials, branches, lateral, offsets, current_decay, voltage_decay, threshold,
-    window, reset, through_lateral, coding_gradient, grad_x, grad_weight, grad_bias, grad_lateral,
+    gemm, grad, x, branch, matrix, spikes, potentials, branches, lateral, offsets, current_decay, voltage_decay,
+    threshold, window, reset, through_lateral, coding_gradient, grad_x, grad_weight, grad_branch_bias, grad_bias,
+    grad_lateral,
 ):  # fmt: skip
     """Fill the gradients to x, or with a ``coding_gradient`` ``[1, T]`` to the strength ``[B, inputs]`` that x encodes,
-    (none, where ``grad_x`` is empty) and to the weight ``[n, inputs]``; add to those to bias and lateral weights.
+    (none, where ``grad_x`` is empty) and to the weight ``[n, inputs]``; add to those to the biases and lateral weights.
     ``grad`` is overwritten.
     """
     steps, samples, n = spikes.shape
@@ -324,24 +340,25 @@ def _layer_backward(  # type: ignore[no-untyped-def]
     if width == n:  # in place of that to the spikes
         grad_currents = grad.reshape(steps * samples, n)
     else:
-        grad_currents = np.empty((steps * samples, width), np.float32)
+        grad_currents = _aligned(steps * samples * width).reshape(steps * samples, width)
     _backward(
         grad, spikes, potentials, branches, lateral, offsets, current_decay, voltage_decay, threshold, window, reset,
-        through_lateral, grad_currents.reshape(steps, samples, width // n, n), grad_bias, grad_lateral,
+        through_lateral, grad_currents.reshape(steps, samples, width // n, n), grad_branch_bias, grad_bias,
+        grad_lateral,
     )  # fmt: skip
     if branch.shape[0] > 0:
-        spread = np.empty((width, inputs), np.float32)
-        _product(grad_currents, True, x, False, spread)
+        spread = _aligned(width * inputs).reshape(width, inputs)
+        _product(gemm, grad_currents, True, x, False, spread)
         _gather(grad_weight, branch, spread.reshape(width // n, n, inputs))
     else:
-        _product(grad_currents, True, x, False, grad_weight)
+        _product(gemm, grad_currents, True, x, False, grad_weight)
     if coding_gradient.shape[0] > 0 and grad_x.shape[0] > 0:
-        summed = np.empty((samples, width), np.float32)
+        summed = _aligned(samples * width).reshape(samples, width)
         by_step = grad_currents.reshape(steps, samples * width)
-        _product(coding_gradient, False, by_step, False, summed.reshape(1, samples * width))
-        _product(summed, False, matrix, False, grad_x)
+        _product(gemm, coding_gradient, False, by_step, False, summed.reshape(1, samples * width))
+        _product(gemm, summed, False, matrix, False, grad_x)
     elif grad_x.shape[0] > 0:
-        _product(grad_currents, False, matrix, False, grad_x)
+        _product(gemm, grad_currents, False, matrix, False, grad_x)
 
 
 def _floats(address, shape):  # type: ignore[no-untyped-def]
@@ -353,53 +370,58 @@ def _bytes(address, shape):  # type: ignore[no-untyped-def]
 
 
 def _columns(row):  # type: ignore[no-untyped-def]
-    return row[0], row[1], row[2], row[3], row[4], row[5], row[6]
+    return row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7]
 
 
 def _network_forward(  # type: ignore[no-untyped-def]
-    x, steps, samples, sizes, parameters, places, offsets, current_decay, voltage_decay, threshold, keep, rates
+    gemm, x, groups, steps, samples, sizes, parameters, places, offsets, current_decay, voltage_decay, threshold, kept,
+    rates,
 ):  # fmt: skip
-    """Layer after layer, and the firing rates of the last.
+    """Layer after layer, and the firing rates of the last, for G minibatches at once.
 
-    As addresses, 0 for none: ``x`` of ``[T*B, sizes[0]]``, ``rates`` of ``[B, sizes[L]]`` and for layer k
+    As addresses, 0 for none: ``x`` of ``[G*T*B, sizes[0]]``, ``rates`` of ``[G*B, sizes[L]]`` and for layer k
 
     ``parameters[k]``: weight, bias, lateral, how many neighbours, branch of each synapse (where the weight is to be
-    spread), branch weights (where it is not), how many branches.
-    ``places[k]``: of spikes, potentials, largest branches (neither filled unless ``keep``) and branch weights.
+    spread), branch weights (where it is not), how many branches, whether each branch has a bias.
+    ``places[k]``: of spikes, potentials, largest branches (both of the last ``kept`` minibatches) and branch weights.
     """
     layers = parameters.shape[0]
-    x, rates = _floats(x, (steps * samples, sizes[0])), _floats(rates, (samples, sizes[layers]))
+    x = _floats(x, (groups * steps * samples, sizes[0]))
+    rates = _floats(rates, (groups * samples, sizes[layers]))
     for k in range(layers):
         n_in, n = sizes[k], sizes[k + 1]
-        weight, bias, lateral, neighbours, branch, matrix, dendrites = _columns(parameters[k])
-        kept = steps if keep else 0
-        spikes = _floats(places[k, 0], (steps, samples, n))
+        weight, bias, lateral, neighbours, branch, matrix, dendrites, by_branch = _columns(parameters[k])
+        spikes = _floats(places[k, 0], (groups, steps, samples, n))
+        zeros = np.zeros(n if by_branch else 0, np.float32)
         _layer_forward(
+            gemm,
             x,
             _floats(weight, (n, n_in)),
             _bytes(branch, (n if branch != 0 else 0, n_in)),
             _floats(matrix if matrix != 0 else places[k, 3], (dendrites * n, n_in)),
-            _floats(bias, (n,)),
+            _floats(bias, (dendrites if by_branch else 0, n)),
+            zeros if by_branch else _floats(bias, (n,)),
             _floats(lateral, (neighbours, n)),
             offsets, current_decay, voltage_decay, threshold,
             spikes,
-            _floats(places[k, 1], (kept, samples, n)),
-            _bytes(places[k, 2], (kept if dendrites > 1 else 0, samples, n)),
+            _floats(places[k, 1], (kept, steps, samples, n)),
+            _bytes(places[k, 2], (kept if dendrites > 1 else 0, steps, samples, n)),
         )  # fmt: skip
-        x = spikes.reshape(steps * samples, n)
+        x = spikes.reshape(groups * steps * samples, n)
     n = sizes[layers]
-    last = _floats(places[layers - 1, 0], (steps, samples, n))
-    for b in range(samples):
-        rate = rates[b]
-        _fill(rate, ZERO)
-        for t in range(steps):
-            _add(rate, last[t, b])
-        for j in range(n):
-            rate[j] = rate[j] / np.float32(steps)
+    last = _floats(places[layers - 1, 0], (groups, steps, samples, n))
+    for g in range(groups):
+        for b in range(samples):
+            rate = rates[g * samples + b]
+            _fill(rate, ZERO)
+            for t in range(steps):
+                _add(rate, last[g, t, b])
+            for j in range(n):
+                rate[j] = rate[j] / np.float32(steps)
 
 
 def _network_backward(  # type: ignore[no-untyped-def]
-    grad_raw, decoder, actions, x, steps, samples, sizes, parameters, places, gradients, offsets, current_decay,
+    gemm, grad_raw, decoder, actions, x, steps, samples, sizes, parameters, places, gradients, offsets, current_decay,
     voltage_decay, threshold, window, reset, through_lateral, coding_gradient, grad_strength,
 ):  # fmt: skip
     """From the gradient to the raw action ``[B, M]`` of a decoder ``[M, P]`` to ``gradients[k]``, the addresses of
@@ -412,7 +434,7 @@ def _network_backward(  # type: ignore[no-untyped-def]
     grad_raw, decoder = _floats(grad_raw, (samples, actions)), _floats(decoder, (actions, n // actions))
     x = _floats(x, (steps * samples, sizes[0]))
     grad_strength = _floats(grad_strength, (samples if grad_strength != 0 else 0, sizes[0]))
-    grad = np.empty((steps, samples, n), np.float32)
+    grad = _aligned(steps * samples * n).reshape(steps, samples, n)
     for b in range(samples):
         for m in range(decoder.shape[0]):
             for p in range(decoder.shape[1]):
@@ -421,13 +443,19 @@ def _network_backward(  # type: ignore[no-untyped-def]
         _copy(grad[t].reshape(samples * n), grad[0].reshape(samples * n))
     for k in range(layers - 1, -1, -1):
         n_in, n = sizes[k], sizes[k + 1]
-        _, _, lateral, neighbours, branch, matrix, dendrites = _columns(parameters[k])
-        grad_bias, grad_lateral = _floats(gradients[k, 1], (n,)), _floats(gradients[k, 2], (neighbours, n))
+        _, _, lateral, neighbours, branch, matrix, dendrites, by_branch = _columns(parameters[k])
+        grad_lateral = _floats(gradients[k, 2], (neighbours, n))
+        grad_branch_bias = _floats(gradients[k, 1], (dendrites if by_branch else 0, n))
+        unused = np.empty(n if by_branch else 0, np.float32)
+        grad_bias = unused if by_branch else _floats(gradients[k, 1], (n,))
         _fill(grad_bias, ZERO)
+        for m in range(grad_branch_bias.shape[0]):
+            _fill(grad_branch_bias[m], ZERO)
         for neighbour in range(neighbours):
             _fill(grad_lateral[neighbour], ZERO)
-        below = np.empty((steps if k > 0 else 0, samples, n_in), np.float32)
+        below = _aligned((steps if k > 0 else 0) * samples * n_in).reshape(steps if k > 0 else 0, samples, n_in)
         _layer_backward(
+            gemm,
             grad,
             x if k == 0 else _floats(places[k - 1, 0], (steps * samples, n_in)),
             _bytes(branch, (n if branch != 0 else 0, n_in)),
@@ -440,6 +468,7 @@ def _network_backward(  # type: ignore[no-untyped-def]
             coding_gradient if k == 0 else nothing,
             grad_strength if k == 0 else below.reshape(steps * samples, n_in),
             _floats(gradients[k, 0], (n, n_in)),
+            grad_branch_bias,
             grad_bias,
             grad_lateral,
         )  # fmt: skip
@@ -452,7 +481,8 @@ for _pass in (
 ):  # fmt: skip
     globals()[_pass.__name__] = disjoint(_pass)
 for _function in (
-    _spread, _gather, _product, _forward, _backward, _layer_forward, _layer_backward, _floats, _bytes, _columns,
+    _spread, _gather, _product, _aligned, _forward, _backward, _layer_forward, _layer_backward, _floats, _bytes,
+    _columns,
 ):  # fmt: skip
     globals()[_function.__name__] = njit(error_model="numpy")(_function)
 

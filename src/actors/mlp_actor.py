@@ -35,14 +35,33 @@ class MLPActor(Actor):
         parameters = self.places.once(MLPActor._in_order, self)
         return ensemble_mlp(parameters, False, observation, self.places).squeeze(0)
 
+    def minibatches(self, observation: Tensor, generator: torch.Generator | None = None) -> Tensor:
+        """See :meth:`Actor.minibatches`; in one operation."""
+        if type(self) is not MLPActor:
+            return super().minibatches(observation, generator)
+        with torch.no_grad():
+            return self(observation.flatten(0, 1)).unflatten(0, observation.shape[:2])
+
+    def vjp_after(
+        self, before: Tensor, observation: Tensor, generator: torch.Generator | None = None, with_health: bool = False
+    ) -> tuple[Tensor, Tensor, ActorHealth | None, Pull]:
+        """See :meth:`Actor.vjp_after`; in one operation."""
+        if type(self) is not MLPActor:
+            return super().vjp_after(before, observation, generator, with_health)
+        raw, health, pull = self._vjp(torch.cat([before, observation]), with_health, len(observation))
+        return raw[: len(before)], raw[len(before) :], health, pull
+
     def vjp(
         self, observation: Tensor, generator: torch.Generator | None = None, with_health: bool = False
     ) -> tuple[Tensor, ActorHealth | None, Pull]:
         """See :meth:`Actor.vjp`; without autograd."""
         if type(self) is not MLPActor:  # which may compute something else
             return super().vjp(observation, generator, with_health)
+        return self._vjp(observation, with_health, None)
+
+    def _vjp(self, observation: Tensor, with_health: bool, last: int | None) -> tuple[Tensor, ActorHealth | None, Pull]:
         parameters = self.places.once(MLPActor._in_order, self)
-        raw, pull = ensemble_mlp_vjp(parameters, False, observation, self.places)
+        raw, pull = ensemble_mlp_vjp(parameters, False, observation, self.places, last)
 
         def fill(to_raw: Tensor, gradient_of: GradientOf) -> None:
             pull(to_raw.unsqueeze(0), gradient_of, False)

@@ -52,9 +52,9 @@ class PopulationEncoder(nn.Module):
         """Stimulation strength A in (0, 1], ``[B, N] -> [B, N*J]``."""
         return GaussianReceptiveFields.apply(observation, self.mean, self.std).flatten(1)  # type: ignore[no-untyped-call]
 
-    def encode(self, strength: Tensor, generator: torch.Generator | None) -> Tensor:
+    def encode(self, strength: Tensor, generator: torch.Generator | None, out: Tensor | None = None) -> Tensor:
         """Spike trains without gradient, ``[B, N*J] -> [T, B, N*J]``; see :func:`spike_coding.encode`."""
-        return encode(strength, self.coding, self.time_steps, self.threshold, generator)
+        return encode(strength, self.coding, self.time_steps, self.threshold, generator, out)
 
     def coding_gradient(self) -> list[float]:
         """``d spike_tau / d A`` for tau = 1..T."""

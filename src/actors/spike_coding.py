@@ -29,7 +29,12 @@ Coding = Literal["poisson", "deterministic"]
 
 
 def encode(
-    strength: Tensor, coding: Coding, time_steps: int, threshold: float, generator: torch.Generator | None
+    strength: Tensor,
+    coding: Coding,
+    time_steps: int,
+    threshold: float,
+    generator: torch.Generator | None,
+    out: Tensor | None = None,
 ) -> Tensor:
     """Spike trains without gradient.
 
@@ -39,6 +44,7 @@ def encode(
         time_steps: T.
         threshold: of the deterministic coding.
         generator: the stream that Poisson coding draws one key from.
+        out: where the spikes go, contiguous; by default a new tensor.
 
     Returns:
         Spikes, ``[T, B, n]``, 0 or 1, of the dtype of ``strength``.
@@ -46,14 +52,14 @@ def encode(
     Raises:
         ValueError: Poisson coding without a generator.
     """
-    if coding == "deterministic":
-        return deterministic_spikes(strength.detach(), time_steps, threshold)
     strength = strength.detach()
+    spikes = strength.new_empty((time_steps, *strength.shape)) if out is None else out
+    if coding == "deterministic":
+        return deterministic_spikes(strength, threshold, spikes)
     if not takes_kernel(strength):
-        return (poisson_draws(strength, time_steps, generator) < strength).to(strength.dtype)
-    spikes, strength = strength.new_empty((time_steps, *strength.shape)), strength.contiguous()
-    key = _key(generator)
-    poisson_kernel()(time_steps, strength.numel(), strength.data_ptr(), key, spikes.data_ptr())
+        return torch.lt(poisson_draws(strength, time_steps, generator), strength, out=spikes)
+    strength = strength.contiguous()
+    poisson_kernel()(time_steps, strength.numel(), strength.data_ptr(), _key(generator), spikes.data_ptr())
     return spikes
 
 
@@ -69,18 +75,17 @@ def _key(generator: torch.Generator | None) -> int:
     return draw_key(generator)
 
 
-def deterministic_spikes(strength: Tensor, time_steps: int, threshold: float) -> Tensor:
-    """Deterministic spike trains ``[T, B, n]`` of a strength ``[B, n]``, without gradient."""
-    spikes = strength.new_empty((time_steps, *strength.shape))
+def deterministic_spikes(strength: Tensor, threshold: float, spikes: Tensor) -> Tensor:
+    """Fill deterministic spike trains ``[T, B, n]`` of a strength ``[B, n]``."""
     if takes_kernel(strength):
-        train = spikes.view(time_steps, -1).numpy()
+        train = spikes.view(len(spikes), -1).numpy()
         deterministic_kernel()(strength.contiguous().view(-1).numpy(), np.float32(threshold), train)
         return spikes
     voltage = torch.zeros_like(strength)
-    for step in range(time_steps):
+    for train in spikes:
         voltage = voltage + strength
-        torch.gt(voltage, threshold, out=spikes[step])
-        voltage = voltage - threshold * spikes[step]
+        torch.gt(voltage, threshold, out=train)
+        voltage = voltage - threshold * train
     return spikes
 
 

@@ -25,7 +25,7 @@ from src.actors.initialisation import Initialiser
 from src.actors.lif import LIFConstants
 from src.actors.population_encoder import PopulationEncoder
 from src.actors.spiking_layer import SpikingLayer
-from src.actors.spiking_network import Network
+from src.actors.spiking_network import Network, Weights
 from src.actors.synapse import Encoded
 from src.config import EncoderConfig, SpikingActorConfig
 from src.places import Places, fixed_places
@@ -104,6 +104,13 @@ class SpikingActor(Actor):
         raw, trace = self._pass(observation, generator, trace=True)
         return raw, self._health(trace)
 
+    def minibatches(self, observation: Tensor, generator: torch.Generator | None = None) -> Tensor:
+        """See :meth:`Actor.minibatches`; one pass where there are kernels."""
+        weights = self._network.weights(observation, for_gradient=False)
+        if type(self) is not SpikingActor or weights is None:
+            return super().minibatches(observation, generator)
+        return fused_actor(self._network, weights, observation, generator, keep=False).raw
+
     def vjp(
         self, observation: Tensor, generator: torch.Generator | None = None, with_health: bool = False
     ) -> tuple[Tensor, ActorHealth | None, Pull]:
@@ -111,6 +118,24 @@ class SpikingActor(Actor):
         weights = self._network.weights(observation, for_gradient=True)
         if type(self) is not SpikingActor or weights is None:  # a subclass may compute something else
             return super().vjp(observation, generator, with_health)
+        (raw,), health, pull = self._fused_vjp(weights, observation.unsqueeze(0), generator, with_health)
+        return raw, health, pull
+
+    def vjp_after(
+        self, before: Tensor, observation: Tensor, generator: torch.Generator | None = None, with_health: bool = False
+    ) -> tuple[Tensor, Tensor, ActorHealth | None, Pull]:
+        """See :meth:`Actor.vjp_after`; one pass where there are kernels."""
+        weights = self._network.weights(observation, for_gradient=True)
+        if type(self) is not SpikingActor or weights is None or before.shape != observation.shape:
+            return super().vjp_after(before, observation, generator, with_health)
+        both = torch.stack([before, observation])
+        (raw_before, raw), health, pull = self._fused_vjp(weights, both, generator, with_health)
+        return raw_before, raw, health, pull
+
+    def _fused_vjp(
+        self, weights: Weights, observation: Tensor, generator: torch.Generator | None, with_health: bool
+    ) -> tuple[Tensor, ActorHealth | None, Pull]:
+        """Raw actions ``[G, B, M]`` of G minibatches; health and gradient of the last."""
         done = fused_actor(self._network, weights, observation, generator, keep=True)
         health = self._health(done.trace()) if with_health else None
         return done.raw, health, partial(fused_gradient, self._network, done)
@@ -126,8 +151,8 @@ class SpikingActor(Actor):
     def _pass(self, observation: Tensor, generator: torch.Generator | None, trace: bool) -> tuple[Tensor, Trace]:
         weights = None if torch.is_grad_enabled() else self._network.weights(observation, for_gradient=False)
         if weights is not None:
-            done = fused_actor(self._network, weights, observation, generator, keep=trace)
-            return done.raw, done.trace() if trace else Trace(done.spikes, [])
+            done = fused_actor(self._network, weights, observation.unsqueeze(0), generator, keep=trace)
+            return done.raw[0], done.trace() if trace else Trace(done.input_spikes[0], [])
         strength = self.encoder.strength(observation)
         spikes = self.encoder.encode(strength, generator)
         seen = Trace(spikes, [])

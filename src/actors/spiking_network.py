@@ -27,16 +27,15 @@ class Network:
         self.layers = [(layer.synapse, layer.lateral) for layer in layers]
         self.offsets = next((layer.lateral.offsets for layer in layers if layer.lateral is not None), ())
         self.constants = layers[0].constants
-        self.bias_per_neuron = not any(layer.synapse.bias_per_branch for layer in layers)
         self.places = Places()
 
     def weights(self, observation: Tensor, for_gradient: bool) -> Weights | None:
         """The layers' weights, or None where the kernels do not serve.
 
-        They take float32 on the CPU, a bias for each neuron and, for a gradient, parameters that are not made of others
-        and serve in one place only.
+        They take float32 on the CPU and, for a gradient, parameters that are not made of others and serve in one place
+        only.
         """
-        if not takes_kernel(observation) or not self.bias_per_neuron:
+        if not takes_kernel(observation):
             return None
         return self.places.once(Network._look_up, self, for_gradient)
 
@@ -57,7 +56,7 @@ class Network:
             weight, bias = synapse.weight.detach().contiguous(), synapse.bias.detach().contiguous()
             matrix, branch = (weight, None) if synapse.branches == 1 else synapse.spreading(for_gradient)
             across = None if lateral is None else lateral().detach().contiguous()
-            layers.append(Layer(weight, bias, across, branch, matrix, synapse.branches))
+            layers.append(Layer(weight, bias, across, branch, matrix, synapse.branches, synapse.bias_per_branch))
             copied |= weight.data_ptr() != synapse.weight.data_ptr() or bias.data_ptr() != synapse.bias.data_ptr()
             copied |= across is not None and lateral is not None and across.data_ptr() != lateral.weight.data_ptr()
         shapes = tuple(
@@ -76,17 +75,18 @@ class Layer(NamedTuple):
     """What the kernels take of a layer; contiguous."""
 
     weight: Tensor  # [n, inputs]
-    bias: Tensor  # [n]
+    bias: Tensor  # [n], or [d, n] of the branches
     lateral: Tensor | None  # [K, n]
     branch: Tensor | None  # of each synapse, [n, inputs], int8, where the weight is to be spread over them
     matrix: Tensor | None  # the branch weights [d*n, inputs], where they are at hand; for d = 1 the weight
     branches: int  # d
+    by_branch: bool  # the bias is of the branches
 
     def row(self) -> tuple[int, ...]:
         """Addresses, 0 for none, and numbers, as the kernels take them."""
         weight, bias, lateral, branch, matrix = (0 if part is None else part.data_ptr() for part in self[:5])
         neighbours = 0 if self.lateral is None else len(self.lateral)
-        return weight, bias, lateral, neighbours, branch, matrix, self.branches
+        return weight, bias, lateral, neighbours, branch, matrix, self.branches, self.by_branch
 
 
 class Weights(NamedTuple):

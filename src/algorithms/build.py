@@ -36,7 +36,7 @@ def build_learner(
     critic = TwinCritic(observation_size, action_size, algo.critic_hidden_sizes, streams).to(config.device)
     update_streams = UpdateStreams(
         exploration=streams.torch("exploration"),
-        target_noise=streams.torch("target noise"),
+        update_noise=streams.torch("target noise" if isinstance(algo, TD3Config) else "policy noise"),
         encoder=streams.torch("encoder"),
     )
     if isinstance(algo, TD3Config):

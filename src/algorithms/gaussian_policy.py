@@ -33,6 +33,13 @@ PullPolicy = Callable[[Tensor, Tensor, GradientOf], None]
 PullHeads = Callable[[Tensor, Tensor, GradientOf], None]
 
 
+Pair = tuple[Tensor, Tensor]
+
+
+def _halves(x: Tensor, first: int) -> Pair:
+    return x[:first], x[first:]
+
+
 class GaussianPolicy:
     """Samples ``limit * tanh(mean(s) + std(s) * noise)`` and their log-probability.
 
@@ -58,41 +65,59 @@ class GaussianPolicy:
         action, log_probability, _ = sac.tanh_gaussian_vjp(mean, log_std, noise, self.bounds)
         return Sample(action, log_probability)
 
-    def vjp(
-        self, observation: Tensor, noise: Tensor, generator: torch.Generator | None, with_health: bool = False
-    ) -> tuple[Sample, ActorHealth | None, PullPolicy]:
-        """:meth:`sample`, the spiking health where it is asked for, and the vector-Jacobian product."""
-        mean, log_std, health, pull_parameters = (self._heads if self.shared_trunk else self._networks)(
-            observation, generator, with_health
+    def vjp_after(
+        self,
+        before: Tensor,
+        observation: Tensor,
+        noise: tuple[Tensor, Tensor],
+        generator: torch.Generator | None,
+        with_health: bool = False,
+    ) -> tuple[Sample, Sample, ActorHealth | None, PullPolicy]:
+        """A sample for the observations ``before``, without gradient, and one for ``observation``, both ``[B, N]``.
+
+        Args:
+            before: what is sampled first.
+            observation: what the gradient is of.
+            noise: standard normal, ``[B, M]``, for each.
+            generator: the encoder's.
+            with_health: whether to measure the spiking health of the second.
+
+        Returns:
+            The two samples, the health or None, and the vector-Jacobian product of the second.
+        """
+        means, log_stds, health, pull_parameters = (self._heads if self.shared_trunk else self._networks)(
+            before, observation, generator, with_health
         )
-        action, log_probability, pull_sample = sac.tanh_gaussian_vjp(mean, log_std, noise, self.bounds)
+        action, log_probability, _ = sac.tanh_gaussian_vjp(means[0], log_stds[0], noise[0], self.bounds)
+        first = Sample(action, log_probability)
+        action, log_probability, pull_sample = sac.tanh_gaussian_vjp(means[1], log_stds[1], noise[1], self.bounds)
 
         def pull(to_action: Tensor, to_log_probability: Tensor, gradient_of: GradientOf) -> None:
             pull_parameters(*pull_sample(to_action, to_log_probability), gradient_of)
 
-        return Sample(action, log_probability), health, pull
+        return first, Sample(action, log_probability), health, pull
 
     def _networks(
-        self, observation: Tensor, generator: torch.Generator | None, with_health: bool
-    ) -> tuple[Tensor, Tensor, ActorHealth | None, PullHeads]:
-        """Mean and log-std by a network each; the last takes the gradients to both."""
-        mean, health, pull_mean = self.actor.vjp(observation, generator, with_health)
-        network = self.log_std.network
-        log_std, pull_log_std = network.vjp(observation)
+        self, before: Tensor, observation: Tensor, generator: torch.Generator | None, with_health: bool
+    ) -> tuple[Pair, Pair, ActorHealth | None, PullHeads]:
+        """Means and log-stds by a network each; the last takes the gradients to those of the observation."""
+        mean_before, mean, health, pull_mean = self.actor.vjp_after(before, observation, generator, with_health)
+        log_std, pull_log_std = self.log_std.network.vjp(torch.cat([before, observation]), len(observation))
 
         def pull(to_mean: Tensor, to_log_std: Tensor, gradient_of: GradientOf) -> None:
             pull_mean(to_mean, gradient_of)
             pull_log_std(to_log_std.unsqueeze(0), gradient_of, False)
 
-        return mean, log_std.squeeze(0), health, pull
+        return (mean_before, mean), _halves(log_std[0], len(before)), health, pull
 
     def _heads(
-        self, observation: Tensor, generator: torch.Generator | None, with_health: bool
-    ) -> tuple[Tensor, Tensor, ActorHealth | None, PullHeads]:
-        """Mean and log-std by a head each of the actor's trunk."""
+        self, before: Tensor, observation: Tensor, generator: torch.Generator | None, with_health: bool
+    ) -> tuple[Pair, Pair, ActorHealth | None, PullHeads]:
+        """Means and log-stds by a head each of the actor's trunk."""
         trunk, heads = self._trunk()
-        features, pull_features = trunk.vjp(observation)
-        (mean, pull_mean), (log_std, pull_log_std) = (head.vjp(features.squeeze(0)) for head in heads)
+        last = len(observation)
+        features, pull_features = trunk.vjp(torch.cat([before, observation]), last)
+        (mean, pull_mean), (log_std, pull_log_std) = (head.vjp(features[0], last) for head in heads)
 
         def pull(to_mean: Tensor, to_log_std: Tensor, gradient_of: GradientOf) -> None:
             to_features = [
@@ -102,7 +127,8 @@ class GaussianPolicy:
             both = torch.add(*to_features).unsqueeze(0)  # type: ignore[arg-type]
             pull_features(both, gradient_of, False)
 
-        return mean.squeeze(0), log_std.squeeze(0), NOTHING_SPIKES if with_health else None, pull
+        health = NOTHING_SPIKES if with_health else None
+        return _halves(mean[0], len(before)), _halves(log_std[0], len(before)), health, pull
 
     def _trunk(self) -> tuple[EnsembleMLP, tuple[EnsembleMLP, EnsembleMLP]]:
         assert isinstance(self.actor, MLPActor)  # only it has a trunk (src/config_rules.py)

@@ -31,7 +31,7 @@ class UpdateStreams(NamedTuple):
     """Random streams that updates and exploration draw from; their states belong to the checkpoint."""
 
     exploration: torch.Generator
-    target_noise: torch.Generator
+    update_noise: torch.Generator  # TD3: target policy smoothing; SAC: samples of the policy
     encoder: torch.Generator
 
 

@@ -34,6 +34,10 @@ class DeterministicPolicy(nn.Module):
         """Actions ``[B, M]`` for normalised observations ``[B, N]``; the generator feeds a poisson encoder."""
         return torch.tanh(self.actor(observation, generator)) * self.action_limit
 
+    def minibatches(self, observation: Tensor, generator: torch.Generator | None = None) -> Tensor:
+        """:meth:`forward` without gradient on G minibatches, ``[G, B, N] -> [G, B, M]``."""
+        return torch.tanh(self.actor.minibatches(observation, generator)) * self.action_limit
+
     def vjp(
         self, observation: Tensor, generator: torch.Generator | None = None, with_health: bool = False
     ) -> tuple[Tensor, ActorHealth | None, Pull]:

@@ -27,7 +27,7 @@ class SACLearner(Learner):
         log_std: network of the log standard deviation.
         critic: the twin critics.
         action_limit: bound of the actions.
-        streams: exploration noise, target noise and encoder draws.
+        streams: exploration noise, the policy's noise in updates, and encoder draws.
     """
 
     def __init__(
@@ -71,16 +71,27 @@ class SACLearner(Learner):
         return self.gaussian.sample(observation, noise, self.streams.encoder).action
 
     def learn(self, burst: Minibatches) -> dict[str, float]:
-        """See :meth:`Learner.update`."""
+        """See :meth:`Learner.update`.
+
+        Between two updates of the actor it is asked twice, at s' for the target and at s for its own update: in one
+        pass. Noise is drawn at the start of the burst, by minibatch and use.
+        """
         c, record = self.config, BurstRecord()
-        noise = torch.randn((2, *burst.action.shape), generator=self.streams.target_noise).to(burst.action.device)
+        noise = torch.randn((2, *burst.action.shape), generator=self.streams.update_noise).to(burst.action.device)
         inputs = torch.cat([burst.observation, burst.action], dim=-1)
-        batches = zip(*(x.unbind() for x in burst), noise[0].unbind(), noise[1].unbind())
+        batches = zip(*(x.unbind() for x in burst), zip(*noise.unbind(0)))
         to_log_probability = burst.reward.new_full((burst.reward.shape[1],), 1.0 / burst.reward.shape[1]).mul_(c.alpha)
-        for index, (observation, _, reward, next_observation, terminated, target_noise, own) in enumerate(batches):
-            target = self._bellman_target(reward, next_observation, terminated, target_noise)
+        for index, (observation, _, reward, next_observation, terminated, both_noises) in enumerate(batches):
+            following, own, health, pull = self.gaussian.vjp_after(
+                next_observation, observation, both_noises, self.streams.encoder, with_health=index == 0
+            )
+            next_values = self.target_critic_values(next_observation, following.action)
+            target = sac.bellman_target(reward, terminated, next_values, following.log_probability, c.discount, c.alpha)
             self.critic_step(inputs[index], target, record)
-            self._update_actor(observation, own, to_log_probability, record, with_health=index == 0)
+            values, to_action = self.critic.action_gradient(observation, own.action, members=2)
+            record.add_samples(own.log_probability, values)
+            pull(to_action, to_log_probability, self.gradient_of)
+            self.actor_step(record, health, *(() if self.gaussian.shared_trunk else ("log_std",)))
             self.flat["target_critic"].follow(self.flat["critic"], c.polyak)
         log_probability, values = record.samples()
         record.add("actor_loss", sac.actor_loss(log_probability, values, c.alpha))
@@ -88,18 +99,7 @@ class SACLearner(Learner):
         return record.means()
 
     @torch.no_grad()
-    def _bellman_target(self, reward: Tensor, next_observation: Tensor, terminated: Tensor, noise: Tensor) -> Tensor:
-        """``[B]``."""
-        action, log_probability = self.gaussian.sample(next_observation, noise, self.streams.encoder)
-        values, c = self.target_critic(next_observation, action), self.config
-        return sac.bellman_target(reward, terminated, values, log_probability, c.discount, c.alpha)
-
-    def _update_actor(
-        self, observation: Tensor, noise: Tensor, to_log_probability: Tensor, record: BurstRecord, with_health: bool
-    ) -> None:
-        """One step down the gradient of :func:`sac.actor_loss`; ``to_log_probability`` is its alpha / B, ``[B]``."""
-        sample, health, pull = self.gaussian.vjp(observation, noise, self.streams.encoder, with_health)
-        values, to_action = self.critic.action_gradient(observation, sample.action, members=2)
-        record.add_samples(sample.log_probability, values)
-        pull(to_action, to_log_probability, self.gradient_of)
-        self.actor_step(record, health, *(() if self.gaussian.shared_trunk else ("log_std",)))
+    def target_critic_values(self, observation: Tensor, action: Tensor) -> Tensor:
+        """``[2, B]``."""
+        values: Tensor = self.target_critic(observation, action)
+        return values

@@ -16,16 +16,21 @@ def smoothed_target_action(action: Tensor, noise: Tensor, noise_clip: float, act
     return (action + noise.clamp(-noise_clip, noise_clip)).clamp_(-action_limit, action_limit)
 
 
-def target_groups(count: int, delay: int) -> Iterator[range]:
-    """The updates of a burst, grouped by the target networks that they see.
+def moves_actor(update: int, delay: int) -> bool:
+    """Whether the actor and the targets move at an update, counted over the run from 0: every ``delay``-th does."""
+    return update % delay == 0
 
-    The targets move after every update whose index is a multiple of the delay: with 2, before 1, 3, 5, ...
+
+def target_groups(first: int, count: int, delay: int) -> Iterator[range]:
+    """The minibatches 0..count-1 of a burst, grouped by the target networks that they see.
+
+    ``first`` is the number of the burst's first update, counted over the run.
     """
     start = 0
-    for last in [*range(0, count, delay), count - 1]:
-        if start <= last:
-            yield range(start, last + 1)
-        start = last + 1
+    for index in range(count):
+        if moves_actor(first + index, delay) or index == count - 1:
+            yield range(start, index + 1)
+            start = index + 1
 
 
 def bellman_target(reward: Tensor, terminated: Tensor, next_values: Tensor, discount: float) -> Tensor:

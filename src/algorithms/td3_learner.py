@@ -49,36 +49,44 @@ class TD3Learner(Learner):
 
     @torch.no_grad()
     def explore(self, observation: Tensor) -> Tensor:
-        """``clip(pi(s) + N(0, exploration_noise), -limit, limit)`` [SU]."""
+        """``clip(pi(s) + limit * N(0, exploration_noise), -limit, limit)``."""
         action = self.policy(observation, self.streams.encoder)
         noise = torch.randn(action.shape, generator=self.streams.exploration).to(action.device)
-        return (action + self.config.exploration_noise * noise).clamp_(-self.action_limit, self.action_limit)
+        scale = self.config.exploration_noise * self.action_limit
+        return (action + scale * noise).clamp_(-self.action_limit, self.action_limit)
 
     def learn(self, burst: Minibatches) -> dict[str, float]:
-        """See :meth:`Learner.update`; the actor's delay counter starts anew with each burst [SU]."""
+        """See :meth:`Learner.update`; the policy delay counts the updates of the run."""
         c, record = self.config, BurstRecord()
-        noise = c.target_noise * torch.randn(burst.action.shape, generator=self.streams.target_noise)
-        noise, inputs = noise.to(burst.action.device), torch.cat([burst.observation, burst.action], dim=-1)
-        groups = list(td3.target_groups(len(inputs), c.policy_delay))
-        lengths, seen = [len(group) * inputs.shape[1] for group in groups], (burst.next_observation, noise)
-        parts = (x.flatten(0, 1).split(lengths) for x in (*seen, burst.reward, burst.terminated))
-        for group, *part in zip(groups, *parts, strict=True):
-            for index, target in zip(group, self._bellman_targets(*part).split(inputs.shape[1]), strict=True):
+        noise = torch.randn(burst.action.shape, generator=self.streams.update_noise).to(burst.action.device)
+        noise = noise.mul_(c.target_noise * self.action_limit)
+        inputs = torch.cat([burst.observation, burst.action], dim=-1)
+        has_moved = False
+        for group in td3.target_groups(self.critic_updates, len(inputs), c.policy_delay):
+            part = slice(group.start, group.stop)
+            targets = self._bellman_targets(
+                burst.next_observation[part], noise[part], burst.reward[part], burst.terminated[part]
+            )
+            for index, target in zip(group, targets):
+                moves = td3.moves_actor(self.critic_updates, c.policy_delay)
                 self.critic_step(inputs[index], target, record)
-                if index % c.policy_delay == 0:
-                    self._update_actor(burst.observation[index], record, with_health=index == 0)
-        (first_values,) = record.samples()
-        record.add("actor_loss", td3.actor_loss(first_values))
+                if moves:
+                    self._update_actor(burst.observation[index], record, with_health=not has_moved)
+                    has_moved = True
+        if has_moved:
+            (first_values,) = record.samples()
+            record.add("actor_loss", td3.actor_loss(first_values))
         return record.means()
 
     @torch.no_grad()
     def _bellman_targets(self, next_observation: Tensor, noise: Tensor, reward: Tensor, terminated: Tensor) -> Tensor:
-        """Targets ``[k*B]`` of k minibatches at once, where the same target networks serve them."""
-        action = self.target_policy(next_observation, self.streams.encoder)
+        """Targets ``[G, B]`` of G minibatches at once, where the same target networks serve them."""
         c = self.config
-        next_action = td3.smoothed_target_action(action, noise, c.target_noise_clip, self.action_limit)
-        next_values = self.target_critic(next_observation, next_action)
-        return td3.bellman_target(reward, terminated, next_values, c.discount)
+        following = self.target_policy.minibatches(next_observation, self.streams.encoder)
+        clip = c.target_noise_clip * self.action_limit
+        next_action = td3.smoothed_target_action(following, noise, clip, self.action_limit)
+        next_values = self.target_critic(next_observation.flatten(0, 1), next_action.flatten(0, 1))
+        return td3.bellman_target(reward, terminated, next_values.unflatten(1, reward.shape), c.discount)
 
     def _update_actor(self, observation: Tensor, record: BurstRecord, with_health: bool) -> None:
         action, health, pull = self.policy.vjp(observation, self.streams.encoder, with_health)

@@ -114,6 +114,7 @@ def _resumed(run: RunDirectory, fresh: Manifest, decision: Decision) -> Manifest
         observation_size=old.observation_size,
         action_size=old.action_size,
         parameters=old.parameters,
+        blas=old.blas,
         started=old.started,
         wall_time_seconds=old.wall_time_seconds,
         times_resumed=old.times_resumed + 1,

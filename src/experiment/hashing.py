@@ -24,6 +24,8 @@ _EXCLUDED = frozenset(
         "dry_run",
         "keep_replay",
         "sweeps",
+        "blas",
+        "keep_best",
         "protocol.name",
         "protocol.total_steps",
         "protocol.checkpoint_interval",

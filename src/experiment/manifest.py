@@ -61,6 +61,7 @@ class Manifest:
     commit: str | None = None
     dirty: bool | None = None
     processor: str = "unknown"
+    blas: dict[str, str | None] = field(default_factory=dict)
     failure: Failure | None = None
     notes: list[str] = field(default_factory=list)
     format: int = FORMAT

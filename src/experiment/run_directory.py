@@ -25,7 +25,15 @@ CHECKPOINTS = "checkpoint-*.pt"
 RESERVE_FILE = "reserve"
 RESERVE_BYTES = 2**16
 #: What a run directory holds besides ``state/``.
-FILES = ("config.yaml", "manifest.json", "evaluations.csv", "training.csv", "failure.txt")
+FILES = (
+    "config.yaml",
+    "manifest.json",
+    "evaluations.csv",
+    "training.csv",
+    "failure.txt",
+    "policy.pt",
+    "policy_best.pt",
+)
 
 
 class RunDirectory:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
@@ -17,10 +17,23 @@ from src.training.checkpoint import read_archive, write_archive
 from src.training.normalization import Normalizer
 
 POLICY_FILE = "policy.pt"
+BEST_POLICY_FILE = "policy_best.pt"
+
+
+class Standing(NamedTuple):
+    """When a policy was kept, and how it did then."""
+
+    step: int
+    mean_return: float  # of the evaluation of that step
 
 
 def save_policy(
-    path: Path, config: ExperimentConfig, learner: Learner, normalizer: Normalizer, sizes: tuple[int, int]
+    path: Path,
+    config: ExperimentConfig,
+    learner: Learner,
+    normalizer: Normalizer,
+    sizes: tuple[int, int],
+    standing: Standing,
 ) -> None:
     """Write the deterministic policy of a run to ``path``; ``sizes`` is (N, M)."""
     write_archive(
@@ -32,6 +45,8 @@ def save_policy(
             "action_limit": learner.policy.action_limit,
             "actor": {k: v.detach().cpu().clone() for k, v in learner.policy.actor.state_dict().items()},
             "normalizer": normalizer.state_dict(),
+            "step": standing.step,
+            "evaluation_return": standing.mean_return,
         },
     )
 

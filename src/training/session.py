@@ -12,6 +12,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from src import blas
 from src.algorithms.build import build_learner
 from src.algorithms.learner import Minibatches
 from src.algorithms.metrics import METRICS, Diverged, IntervalMeans, health_columns
@@ -28,7 +29,7 @@ from src.training.evaluation import Evaluator
 from src.training.loggers import Logger, open_logger
 from src.training.normalization import Normalizer
 from src.training.numerics import set_numerics
-from src.training.policy_file import POLICY_FILE, save_policy
+from src.training.policy_file import BEST_POLICY_FILE, POLICY_FILE, Standing, save_policy
 from src.training.replay import make_replay, sample_minibatches
 
 
@@ -44,16 +45,40 @@ def train(
         stop_requested: asked at every batch boundary; once true, the run writes a checkpoint and ends.
 
     Returns:
-        How it ended. ``complete`` leaves ``state/policy.pt``.
+        How it ended. ``complete`` leaves ``policy.pt``.
     """
     set_numerics(config.threads)
     if config.device.startswith("cuda") and not torch.cuda.is_available():
         raise ConfigurationError(f"device: {config.device} is asked for and PyTorch finds no CUDA GPU; use cpu.")
+    select_blas(config, run, progress)
     return TrainingSession(config, run, progress).loop(stop_requested)
 
 
+def select_blas(config: ExperimentConfig, run: RunDirectory, progress: Progress) -> None:
+    """Choose the library of the matrix products, record it, and note where a resume finds another one.
+
+    Raises:
+        ConfigurationError: the library that the configuration asks for is not here.
+    """
+    recorded = run.manifest.blas
+    try:
+        library = blas.select(config.blas, recorded.get("library"))
+    except blas.BLASUnavailableError as error:
+        raise ConfigurationError(str(error)) from None
+    found = {"library": library.name, "version": library.version, "architecture": library.architecture}
+    notes = list(run.manifest.notes)
+    if recorded and recorded != found:
+        names = [name for name in found if recorded.get(name) != found[name]]
+        changes = ", ".join(f"{name} {recorded.get(name)} -> {found[name]}" for name in names)
+        notes.append(f"resumed with another BLAS ({changes}): the numbers differ in their last bits from here on")
+        progress.note(notes[-1])
+    if held := blas.held_back():
+        progress.note(held)
+    run.update_manifest(blas=found, notes=notes)
+
+
 def shrink_state(run: RunDirectory) -> None:
-    """Reduce ``state/`` of a complete run to its final policy and logs: what is left can't be extended."""
+    """Reduce ``state/`` of a complete run to its logs: what is left can't be extended."""
     CheckpointFolder(run.state).clear()
     (run.state / REPLAY_FILE).unlink(missing_ok=True)
 
@@ -85,6 +110,7 @@ class TrainingSession:
         self.flushed = 0  # transitions known to be on the disk
         self.step = 0
         self.last_return: float | None = None
+        self.best: Standing | None = None  # the highest evaluation so far; of equal ones the first
         run.update_manifest(
             observation_size=self.sizes[0],
             action_size=self.sizes[1],
@@ -125,7 +151,8 @@ class TrainingSession:
         finally:
             logger.close()
             collector.shutdown()
-        save_policy(self.run.state / POLICY_FILE, self.config, self.learner, self.normalizer, self.sizes)
+        assert self.last_return is not None  # step 0 was evaluated
+        self._save_policy(POLICY_FILE, Standing(self.step, self.last_return))
         return Outcome("complete", self.step, "")
 
     def _act_in_training(self, observation: Tensor) -> Tensor:
@@ -169,6 +196,10 @@ class TrainingSession:
             episodes = self.evaluator.evaluate(self._act_in_evaluation, self.step)
         self.run.evaluations.append(self.step, episodes)
         self.last_return = sum(r for r, _ in episodes) / len(episodes)
+        if self.best is None or self.last_return > self.best.mean_return:
+            self.best = Standing(self.step, self.last_return)
+            if self.config.keep_best:
+                self._save_policy(BEST_POLICY_FILE, self.best)
         self.interval_seconds += time.perf_counter() - started
         if self.step > 0:
             row = self._training_row()
@@ -178,6 +209,9 @@ class TrainingSession:
             logger.write(0, {"evaluation_return": self.last_return})
         self.interval = IntervalMeans()
         self.interval_seconds = 0.0
+
+    def _save_policy(self, name: str, standing: Standing) -> None:
+        save_policy(self.run.path / name, self.config, self.learner, self.normalizer, self.sizes, standing)
 
     def _steps_per_second(self) -> float:
         """Since the last evaluation; right after one, the rate of the interval before it."""
@@ -226,6 +260,7 @@ class TrainingSession:
                 "interval": self.interval.state_dict(),
                 "interval_seconds": self.interval_seconds,
                 "last_return": self.last_return,
+                "best": None if self.best is None else list(self.best),
             },
         )
         self.run.update_manifest(step=self.step, checkpoint_step=self.step)
@@ -255,6 +290,7 @@ class TrainingSession:
         self.interval.load_state_dict(content["interval"])
         self.interval_seconds = content["interval_seconds"]
         self.last_return = content["last_return"]
+        self.best = None if content["best"] is None else Standing(*content["best"])
         self._check_logs()
         self.run.cut_after(self.step)
         self.progress.note(f"resumed at step {self.step}")

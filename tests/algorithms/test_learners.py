@@ -86,34 +86,33 @@ def test_td3_is_spinning_ups_loop(actor: str, encoder: str, delay: int) -> None:
     draws, smoothing = Streams(SEED).torch("encoder"), Streams(SEED).torch("target noise")
     actor_adam = torch.optim.Adam(pi.parameters(), lr=learner.config.actor_learning_rate)
     critic_adam = torch.optim.Adam(q.parameters(), lr=1e-3)
-    for burst in (make_burst(1), make_burst(2)):  # odd lengths: the delay counter starts anew with the second
+    updates = 0
+    for burst in (make_burst(1), make_burst(2)):  # odd lengths: the delay counts on through the second
         noise = 0.2 * torch.randn(burst.action.shape, generator=smoothing)
         recorded: list[list[float]] = []
         actor_losses: list[Tensor] = []
         for index, (o, a, r, o2, d) in enumerate(zip(*burst)):
             with torch.no_grad():
-                if index == 0 or (index - 1) % delay == 0:  # the targets have moved: spikes for all that they serve
-                    first, group = index, burst.next_observation[index : index + (delay if index else 1)]
-                    served = torch.tanh(target_pi(group.flatten(0, 1), draws)).unflatten(0, (-1, len(o2)))
-                a2 = (served[index - first] + noise[index].clamp(-0.5, 0.5)).clamp(-1, 1)
+                a2 = (torch.tanh(target_pi(o2, draws)) + noise[index].clamp(-0.5, 0.5)).clamp(-1, 1)
                 y = r + 0.99 * (1 - d) * torch.min(*target_q(o2, a2))
             values = q(o, a)
             loss = sum(((value - y) ** 2).mean() for value in values)
             step(critic_adam, loss)  # type: ignore[arg-type]
             recorded.append([x.detach().item() for x in (loss, *(value.mean() for value in values))])  # type: ignore[union-attr]
-            if index % delay == 0:
+            if updates % delay == 0:
                 actor_losses.append(-q(o, torch.tanh(pi(o, draws)))[0].mean())
                 step(actor_adam, actor_losses[-1])
                 pi.project()
                 polyak(target_pi, pi)
                 polyak(target_q, q)
+            updates += 1
         report = learner.update(burst)
         assert report["actor_loss"] == pytest.approx(float(torch.stack(actor_losses).mean()), rel=1e-3, abs=1e-4)
         means = torch.tensor(recorded).mean(0)
         torch.testing.assert_close(
             torch.tensor([report[k] for k in ("critic_loss", "q1", "q2")]), means, rtol=1e-3, atol=1e-4
         )
-    assert (learner.critic_updates, learner.actor_updates) == (14, 2 * math.ceil(7 / delay))
+    assert (learner.critic_updates, learner.actor_updates) == (14, math.ceil(14 / delay))
     assert_same(learner.policy.actor, pi)
     assert_same(learner.target_policy.actor, target_pi)
     assert_same(NaiveCritics(learner.critic), q)
@@ -126,7 +125,7 @@ def test_sac_is_spinning_ups_loop(actor: str, encoder: str) -> None:
     assert isinstance(learner, SACLearner)
     pi, log_std, q = copy.deepcopy(learner.policy.actor), copy.deepcopy(learner.log_std), NaiveCritics(learner.critic)
     target_q = copy.deepcopy(q)
-    draws, normal = Streams(SEED).torch("encoder"), Streams(SEED).torch("target noise")
+    draws, normal = Streams(SEED).torch("encoder"), Streams(SEED).torch("policy noise")
     groups = [
         {"params": list(pi.parameters()), "lr": learner.config.actor_learning_rate},
         {"params": list(log_std.parameters()), "lr": 1e-3},
@@ -175,6 +174,23 @@ def test_td3_explores_with_the_stated_noise_inside_the_action_limit() -> None:
     assert float(learner.explore(observation).max()) <= 1.0
 
 
+@pytest.mark.parametrize("limit", [0.4, 3.0])
+def test_noise_is_in_units_of_the_action_limit(limit: float) -> None:
+    """Absolute noise would be half of the range of a task with limit 0.4, and nothing at limit 3."""
+    config = make_config(SMALL, algo="td3", actor="aan", encoder="task")
+    learner = build_learner(config, N, M, limit, Streams(SEED))
+    observation = torch.zeros(1, N).expand(20_000, N)
+    difference = learner.explore(observation) - learner.policy(observation)
+    assert float(difference.std()) == pytest.approx(0.1 * limit, rel=0.05)
+    seen = []
+    learner.target_critic.forward = lambda observation, action: seen.append(action) or torch.zeros(2, len(action))
+    burst = make_burst(1, count=1, batch=20_000)
+    learner.update(burst)
+    smoothing = seen[0] - learner.target_policy(burst.next_observation[0])
+    assert float(smoothing.abs().max()) == pytest.approx(0.5 * limit, rel=0.02)
+    assert 0.15 * limit < float(smoothing.std()) < 0.2 * limit
+
+
 def test_sigma_is_projected_after_an_actor_step() -> None:
     learner = make_learner("td3", "popsan", "deterministic")
     with torch.no_grad():
@@ -191,9 +207,20 @@ def test_a_loss_that_is_not_finite_ends_the_burst(algo: str) -> None:
         make_learner(algo, "aan", "task").update(burst)
 
 
-@pytest.mark.parametrize("count,delay", [(7, 2), (50, 2), (5, 1), (8, 3), (1, 4)])
-def test_a_group_of_targets_ends_with_the_update_that_moves_them(count: int, delay: int) -> None:
-    groups = list(target_groups(count, delay))
+@pytest.mark.parametrize("first,count,delay", [(0, 7, 2), (100, 50, 2), (3, 5, 1), (50, 8, 3), (1, 1, 4), (4, 1, 4)])
+def test_a_group_of_targets_ends_with_the_update_that_moves_them(first: int, count: int, delay: int) -> None:
+    groups = list(target_groups(first, count, delay))
     assert [index for group in groups for index in group] == list(range(count))
-    assert all(group[-1] % delay == 0 for group in groups[:-1])
-    assert not any(index % delay == 0 for group in groups for index in group[:-1])
+    assert all((first + group[-1]) % delay == 0 for group in groups[:-1])
+    assert not any((first + index) % delay == 0 for group in groups for index in group[:-1])
+
+
+def test_the_delay_counts_updates_whatever_the_length_of_a_burst() -> None:
+    """With one update a burst, the original TD3's schedule, the actor must not move at every one."""
+    learner = make_learner("td3", "aan", "task", **{"algo.policy_delay": 3})
+    moved = []
+    for seed in range(7):
+        before = learner.actor_updates
+        learner.update(make_burst(seed, count=1))
+        moved.append(learner.actor_updates - before)
+    assert moved == [1, 0, 0, 1, 0, 0, 1]

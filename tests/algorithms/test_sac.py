@@ -176,10 +176,17 @@ def test_the_policys_gradients_are_autograds(kind: str) -> None:
     learner = build_learner(make_config(algo="sac", actor=kind), N, M, LIMIT, Streams(0))
     assert isinstance(learner, SACLearner)
     observation, noise, bounds = torch.randn(6, N), torch.randn(6, M), learner.gaussian.bounds
+    before, before_noise = torch.randn(6, N), torch.randn(6, M)
     to_action, to_log_probability = torch.randn(6, M), torch.randn(6)
-    (action, log_probability), _, pull = learner.gaussian.vjp(observation, noise, torch.Generator().manual_seed(3))
+    first, (action, log_probability), _, pull = learner.gaussian.vjp_after(
+        before, observation, (before_noise, noise), torch.Generator().manual_seed(3)
+    )
     pull(to_action, to_log_probability, learner.gradient_of)
     actor, draws = learner.policy.actor, torch.Generator().manual_seed(3)
+    sample = learner.gaussian.sample(before, before_noise, draws)
+    torch.testing.assert_close(tuple(first), tuple(sample))
+    again = torch.Generator()
+    again.set_state(draws.get_state())
     if kind == "aan":
         features = actor.hidden(observation).squeeze(0)  # type: ignore[operator]
         mean, log_std = actor.output(features).squeeze(0), learner.log_std(features)  # type: ignore[operator]
@@ -192,5 +199,5 @@ def test_the_policys_gradients_are_autograds(kind: str) -> None:
     for p, expected in zip(parameters, torch.autograd.grad(outputs, parameters, [to_action, to_log_probability])):
         torch.testing.assert_close(learner.gradient_of[p], expected, rtol=1e-4, atol=1e-5)
         assert expected.any()
-    sample = learner.gaussian.sample(observation, noise, torch.Generator().manual_seed(3))
-    assert torch.equal(sample.action, action) and torch.equal(sample.log_probability, log_probability)
+    sample = learner.gaussian.sample(observation, noise, again)
+    torch.testing.assert_close((sample.action, sample.log_probability), (action, log_probability))

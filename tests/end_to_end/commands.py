@@ -124,7 +124,7 @@ def manifest(results: Path) -> dict[str, Any]:
 
 
 def weights(run: Path) -> dict[str, torch.Tensor]:
-    content = read_archive(run / "state" / "policy.pt")
+    content = read_archive(run / "policy.pt")
     return content["actor"] | {f"normalizer.{key}": torch.as_tensor(v) for key, v in content["normalizer"].items()}
 
 

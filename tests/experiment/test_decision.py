@@ -72,7 +72,7 @@ def test_another_engine_is_refused_and_named(tmp_path, monkeypatch):
     monkeypatch.setattr("src.experiment.hashing.ENGINE", 99)
     monkeypatch.setattr("src.experiment.decision.ENGINE", 99)
     decision = decide(config)
-    assert decision.action is Action.CONFLICT and "engine: 2 -> 99" in decision.reason
+    assert decision.action is Action.CONFLICT and "engine: 3 -> 99" in decision.reason
 
 
 def test_replace_deletes_the_old_run_only_when_the_job_starts(tmp_path):

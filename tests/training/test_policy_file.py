@@ -23,7 +23,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_policy_file_alone_replays_the_last_evaluation(finished: Path) -> None:
-    trained = TrainedPolicy(finished / "state" / "policy.pt")
+    trained = TrainedPolicy(finished / "policy.pt")
     table = pd.read_csv(finished / "evaluations.csv")
     last = table[table["step"] == table["step"].max()]
     again = Evaluator(trained.config, Streams(trained.config.seed)).evaluate(trained.act, int(last["step"].iloc[0]))
@@ -45,6 +45,6 @@ def test_a_run_without_a_policy_is_one_sentence(tmp_path: Path) -> None:
 
 def test_a_cut_policy_file_is_refused(finished: Path, tmp_path: Path) -> None:
     cut = tmp_path / "policy.pt"
-    cut.write_bytes((finished / "state" / "policy.pt").read_bytes()[:-1])
+    cut.write_bytes((finished / "policy.pt").read_bytes()[:-1])
     with pytest.raises(CorruptCheckpoint, match="truncated"):
         TrainedPolicy(cut)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
@@ -15,7 +16,7 @@ from src.experiment.outcome import Outcome
 from src.experiment.run_directory import RunDirectory
 from src.training.checkpoint import CheckpointFolder, CorruptCheckpoint, read_archive
 from src.training.numerics import set_numerics
-from src.training.session import TrainingSession
+from src.training.session import TrainingSession, select_blas
 from tests.helpers import Silent, tiny
 
 CASES = [
@@ -36,7 +37,7 @@ def run(config: ExperimentConfig, stop_at: Callable[[int], bool] = lambda step: 
 
 
 def final_weights(path: Path) -> dict[str, torch.Tensor]:
-    return read_archive(path / "state" / "policy.pt")["actor"]
+    return read_archive(path / "policy.pt")["actor"]
 
 
 def learner_state(path: Path) -> dict:
@@ -75,11 +76,35 @@ def test_a_run_stopped_anywhere_equals_one_never_stopped(
     assert (whole_path / "evaluations.csv").read_bytes() == (stopped_path / "evaluations.csv").read_bytes()
     assert_same(final_weights(whole_path), final_weights(stopped_path))
     assert_same(learner_state(whole_path), learner_state(stopped_path))
+    best, resumed_best = (read_archive(path / "policy_best.pt") for path in (whole_path, stopped_path))
+    assert_same(best["actor"], resumed_best["actor"])
+    means = pd.read_csv(whole_path / "evaluations.csv").groupby("step")["return"].mean()
+    assert best["step"] == resumed_best["step"] == means.idxmax()
+    assert best["evaluation_return"] == pytest.approx(means.max())
     drop = ["steps_per_second"]
     pd.testing.assert_frame_equal(
         pd.read_csv(whole_path / "training.csv").drop(columns=drop),
         pd.read_csv(stopped_path / "training.csv").drop(columns=drop),
     )
+
+
+def test_the_best_policy_is_kept_only_where_it_is_asked_for(tmp_path: Path) -> None:
+    _, path = run(replace(tiny(tmp_path, actor="aan"), keep_best=False))
+    assert (path / "policy.pt").exists() and not (path / "policy_best.pt").exists()
+
+
+def test_a_resume_on_another_blas_is_noted_and_one_on_the_same_is_not(tmp_path: Path) -> None:
+    config, progress = tiny(tmp_path, actor="aan"), Silent()
+    with claim(config) as (directory, _):
+        select_blas(config, directory, progress)
+        select_blas(config, directory, progress)
+        recorded = directory.manifest.blas
+        assert directory.manifest.notes == [] and set(recorded) == {"library", "version", "architecture"}
+        directory.update_manifest(blas=recorded | {"version": "0.1", "architecture": "Z80"})
+        select_blas(config, directory, progress)
+        (note,) = directory.manifest.notes
+        assert "another BLAS" in note and "Z80" in note and note in progress.notes
+        assert directory.manifest.blas == recorded
 
 
 def test_rows_written_after_the_last_checkpoint_are_redone_not_doubled(tmp_path: Path) -> None:

@@ -1,0 +1,74 @@
+"""If these fail, products are wrong, or a run uses another library than its manifest says."""
+
+import pytest
+import torch
+
+from src import blas
+from src.ensemble_mlp import EnsembleMLP
+from src.streams import Streams
+
+HAS_MKL = blas._address("mkl") is not None
+
+
+@pytest.fixture(autouse=True)
+def leave_the_choice_as_it_was():
+    before = dict(blas._selected)
+    yield
+    blas._selected.clear()
+    blas._selected.update(before)
+
+
+@pytest.mark.parametrize(
+    "name", ["openblas", pytest.param("mkl", marks=pytest.mark.skipif(not HAS_MKL, reason="no MKL"))]
+)
+def test_both_libraries_multiply(name):
+    assert blas.select(name).name in (name, "accelerate")
+    network, x = EnsembleMLP([5, 16, 3], 2, Streams(0), "test"), torch.randn(7, 5)
+    torch.testing.assert_close(network.vjp(x)[0], network.double().vjp(x.double())[0].float())
+
+
+@pytest.mark.parametrize(
+    "intel,has_mkl,expected", [(True, True, "mkl"), (True, False, "openblas"), (False, True, "openblas")]
+)
+def test_the_rule_goes_by_the_processor(monkeypatch, intel, has_mkl, expected):
+    """MKL takes its slower path on other processors than Intel's: half of the machine would be left unused."""
+    found = {"openblas": 1, "mkl": 2 if has_mkl else None}
+    monkeypatch.setattr(blas, "_is_intel", lambda: intel)
+    monkeypatch.setattr(blas, "_address", found.get)
+    assert blas.select("auto").name in (expected, "openblas")
+    assert blas.sgemm_address() == found[expected]
+
+
+def test_a_resume_keeps_the_library_that_the_run_began_with(monkeypatch):
+    monkeypatch.setattr(blas, "_is_intel", lambda: False)
+    monkeypatch.setattr(blas, "_address", {"openblas": 1, "mkl": 2}.get)
+    blas.select("auto", recorded="mkl")
+    assert blas.sgemm_address() == 2
+    blas.select("openblas", recorded="mkl")  # what the command line asks for wins
+    assert blas.sgemm_address() == 1
+
+
+def test_a_resume_where_its_library_is_gone_takes_the_other(monkeypatch):
+    monkeypatch.setattr(blas, "_address", {"openblas": 1, "mkl": None}.get)
+    blas.select("auto", recorded="mkl")
+    assert blas.sgemm_address() == 1
+    with pytest.raises(blas.BLASUnavailableError, match="blas=mkl: PyTorch has no MKL here"):
+        blas.select("mkl")
+
+
+def test_a_held_back_openblas_is_told(monkeypatch):
+    blas.select("openblas")
+    monkeypatch.setenv("OPENBLAS_CORETYPE", "Haswell")
+    assert "OPENBLAS_CORETYPE=Haswell" in blas.held_back()
+    monkeypatch.delenv("OPENBLAS_CORETYPE")
+    assert blas.held_back() is None
+
+
+@pytest.mark.parametrize("offset", range(16))
+def test_a_products_bits_hang_on_no_allocator(offset):
+    """Whatever address an input has, the numbers are the same: a resumed run lies elsewhere in memory."""
+    network = EnsembleMLP([7, 33, 3], 2, Streams(0), "test")
+    x = torch.randn(9, 7)
+    expected = network.vjp(x)[0]
+    moved = torch.empty(9 * 7 + offset)[offset:].view(9, 7).copy_(x)
+    assert torch.equal(network.vjp(moved)[0], expected)
