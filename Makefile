@@ -1,20 +1,30 @@
 .DEFAULT_GOAL := help
-PYTHON ?= python3.11
 BIN := .venv/bin
 export DVC_NO_ANALYTICS := 1
+
+# The environment that is there goes on to serve; without one, the newest Python that can. PYTHON=python3.12 chooses.
+ifndef PYTHON
+  PYTHON := $(shell for each in $(BIN)/python python3.13 python3.12 python3.11 python3 python; do \
+    $$each tools/suitable.py >/dev/null 2>&1 && echo $$each && break; done)
+endif
+WANTED := $(shell $(PYTHON) tools/suitable.py 2>/dev/null)
+BUILT := $(shell $(BIN)/python -c 'import pip, sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null)
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-14s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 setup: .venv/.ready ## make the environment (.venv) from pinned versions; nothing the second time
 
-.venv/.ready: pyproject.toml constraints.txt
-	$(PYTHON) -m venv .venv
-	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt "torch==2.13.0"
-	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt ".[dev,slurm]"
+.venv/.ready: pyproject.toml constraints.txt $(if $(filter-out $(WANTED),$(BUILT)),another-version)
+	@$(if $(PYTHON),$(PYTHON) tools/suitable.py >/dev/null,echo "no Python 3.11, 3.12 or 3.13 with venv was found; install one, or PYTHON=/path/to/python" >&2; exit 2)
+	$(if $(filter $(WANTED),$(BUILT)),,$(PYTHON) -m venv --clear .venv)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt "torch==2.13.0"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt ".[dev,slurm]"
 	@rm -rf build *.egg-info
 	$(BIN)/python -m src.compile_kernels
 	@touch $@
+
+another-version:
 
 demo: setup ## train a small real grid (12 runs of 3,000 steps), write the report, print its path
 	$(BIN)/python -m src.run sweeps=demo logger=none
@@ -34,17 +44,19 @@ test-slurm: setup ## a real one-node Slurm from Debian's packages (root: install
 	$(BIN)/python -m pytest -m slurm tests/slurm
 
 benchmark: setup ## speed against the floor and against others, on an idle machine (under 15 minutes)
-	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt ".[benchmarks]"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt ".[benchmarks]"
 	@rm -rf build *.egg-info
 	$(BIN)/python -m benchmarks
 
-check: setup ## ruff, mypy and the fast tests
+check: setup ## ruff and mypy
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+test-fast: setup ## the tests but those that train in processes of their own
 	$(BIN)/python -m pytest -m "not long and not slurm and not browser" --ignore=tests/end_to_end
 
 clean: ## remove caches (never results)
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis build *.egg-info
 
-.PHONY: help setup demo test test-long test-browser test-slurm benchmark check clean
+.PHONY: help setup another-version demo test test-fast test-long test-browser test-slurm benchmark check clean

@@ -23,6 +23,9 @@ class FailedError(Exception):
     """The watched command failed; the message is the end of its output."""
 
 
+_ROLLUP = Path("/proc/self/smaps_rollup")
+
+
 def watch(command: list[str], cwd: Path, output: Path, replay: str, every: float = 0.5) -> Peak:
     """Run a command to its end and watch its memory.
 
@@ -34,8 +37,10 @@ def watch(command: list[str], cwd: Path, output: Path, replay: str, every: float
         every: seconds between two looks.
 
     Raises:
-        FailedError: its exit code is not 0.
+        FailedError: its exit code is not 0, or this machine does not tell.
     """
+    if not _ROLLUP.exists():
+        raise FailedError("memory is watched in Linux's /proc, which this machine does not have")
     peak = dict.fromkeys(("anonymous", "file", "replay_resident", "replay_anonymous"), 0.0)
     with output.open("w") as file:
         process = subprocess.Popen(command, cwd=cwd, stdout=file, stderr=subprocess.STDOUT)

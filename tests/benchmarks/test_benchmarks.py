@@ -175,3 +175,11 @@ def test_the_pages_of_one_file_are_found_among_the_mappings() -> None:
         "7f40-7f50 rw-s 00000000 fe:00 12  /tmp/state/replay.bin\nRss:  1000 kB\n"
     )
     assert process_memory._mapping(smaps, "replay.bin") == pytest.approx({"Rss": 3.072, "Anonymous": 0.0})
+
+
+def test_memory_on_a_machine_without_proc_is_a_sentence_not_zero(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(process_memory, "_ROLLUP", tmp_path / "none")
+    with pytest.raises(process_memory.FailedError, match="Linux"):
+        process_memory.watch(["true"], tmp_path, tmp_path / "output", "replay.bin")
