@@ -65,7 +65,7 @@ def line(*overrides: str, algo: str, actor: str, encoder: str) -> str:
     """One configuration and its digest."""
     config = compose(*overrides, algo=algo, env="halfcheetah", actor=actor, encoder=encoder)
     learner = build_learner(config, OBSERVATION_SIZE, ACTION_SIZE, ACTION_LIMIT, Streams(7))
-    reports = [learner.update(random_burst(seed)) for seed in (1, 2)]
+    reports = [learner.learn(random_burst(seed)) for seed in (1, 2)]
     return f"{digest(learner, reports)}  {' '.join((algo, actor, encoder, *overrides))}"
 
 

@@ -67,7 +67,7 @@ def measure(folder: Path, rows: int, interval: int, repeats: int) -> None:
             session.step += block
         one = noise(50, *session.sizes)
         session.environment.reset()
-        session.learner.update(_burst(session))
+        session.learner.learn(_burst(session))
         session.save()
         seconds = []
         for _ in range(repeats):
@@ -81,7 +81,7 @@ def measure(folder: Path, rows: int, interval: int, repeats: int) -> None:
         replay = (run.state / "replay.bin").stat().st_size
         began = time.process_time()  # on one thread this is what an idle machine's clock would show
         for _ in range(4):
-            session.learner.update(_burst(session))
+            session.learner.learn(_burst(session))
         update = (time.process_time() - began) / 200
         session.replay.close()
         _write_logs(session)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 from contextlib import nullcontext
-from functools import partial
 from unittest.mock import patch
 
 from benchmarks.relay import Turns
-from src.algorithms.build import build_learner
+from benchmarks.stepwise import StepwiseSpikingActor
 from src.config import EnvConfig, ExperimentConfig
 from src.experiment.claim import claim
 from src.training.evaluation import Evaluator
@@ -32,9 +31,9 @@ def ours(turns: Turns, config: ExperimentConfig, evaluation_env: EnvConfig, refe
         turns: where it waits.
         config: the run; its results folder is the caller's to remove.
         evaluation_env: the task of the evaluations, with episodes of a known length.
-        reference: the actor as plain step-by-step eager PyTorch.
+        reference: the actor as step-by-step eager PyTorch, on the plain backend.
     """
-    stepwise = patch("src.training.session.build_learner", partial(build_learner, reference=True))
+    stepwise = patch("src.actors.build.SpikingActor", StepwiseSpikingActor)
     with claim(config) as (run, _), stepwise if reference else nullcontext():
         session = TrainingSession(config, run, Silent())
         session.evaluator = Evaluator(dataclasses.replace(config, env=evaluation_env), session.streams)

@@ -1,4 +1,4 @@
-"""The fused spiking actors against the same actors as plain step-by-step eager PyTorch, in the same training loop."""
+"""Our spiking actors against the same actors as plain step-by-step eager PyTorch, in the same training loop."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ def topic(quick: bool = False) -> Topic:
     result = Topic(
         title="step-by-step eager PyTorch",
         method=races.METHOD.format(**race._asdict())
-        + " Both sides are our session; theirs has the actor (and its target) of build_learner(..., reference=True): a "
-        "Linear and an elementwise update per time step, gradients by autograd. Both save checkpoints.",
+        + " Both sides are our session; theirs has the actor (and its target) of benchmarks/stepwise.py on the plain backend: a Linear "
+        "and an elementwise update per time step, gradients by autograd. Both save checkpoints.",
         columns={"actor": "actor"} | races.COLUMNS,
         goal="at least",
     )
@@ -41,5 +41,5 @@ def _against_reference(actor: str, goal: float, race: Race) -> Row:
             racers.append(stack.enter_context(Racer(ours, config=config, evaluation_env=env, reference=reference)))
         windows = in_turns(racers, race.warm_up, race.window, race.rounds)
     length = config.env.max_episode_steps
-    fused, stepwise = ([races.rates(w, race, length) for w in each] for each in windows)
-    return {"actor": actor, "goal": goal, **races.compared(fused, stepwise)}
+    ours_rates, stepwise = ([races.rates(w, race, length) for w in each] for each in windows)
+    return {"actor": actor, "goal": goal, **races.compared(ours_rates, stepwise)}

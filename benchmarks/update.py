@@ -77,7 +77,7 @@ def measure(config: ExperimentConfig, sizes: tuple[int, int], rounds: int) -> Ti
     products = floor.products_of_a_burst(config, *sizes)
     pairs = []
     for _ in range(rounds + 1):
-        pairs.append((seconds(lambda: learner.update(burst)), seconds(lambda: floor.run(products))))
+        pairs.append((seconds(lambda: learner.learn(burst)), seconds(lambda: floor.run(products))))
     pairs = pairs[1:]
     return Timing(
         update_ms=Spread.of(u for u, _ in pairs).scaled(1e3 / count),

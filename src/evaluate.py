@@ -58,8 +58,7 @@ def play(path: Path, episodes: int, seed: int) -> list[tuple[float, int]]:
     trained = TrainedPolicy(path)
     config = replace(trained.config, protocol=replace(trained.config.protocol, evaluation_episodes=episodes))
     evaluator = Evaluator(config, Streams(seed))
-    with trained.policy.actor.fixed_weights():
-        return evaluator.evaluate(trained.act, step=-1)
+    return evaluator.evaluate(trained.act, step=-1)
 
 
 def main() -> int:

@@ -11,7 +11,6 @@ from src.actors.actor import Actor
 from src.actors.mlp_actor import MLPActor
 from src.actors.population_encoder import PopulationEncoder
 from src.actors.spiking_actor import SpikingActor
-from src.actors.stepwise import StepwiseSpikingActor
 from src.config import ConfigurationError, CustomActorConfig, ExperimentConfig, MLPActorConfig
 from src.streams import Streams
 
@@ -19,9 +18,7 @@ from src.streams import Streams
 DEFAULT_TIME_STEPS = 5
 
 
-def build_actor(
-    config: ExperimentConfig, observation_size: int, action_size: int, streams: Streams, reference: bool = False
-) -> Actor:
+def build_actor(config: ExperimentConfig, observation_size: int, action_size: int, streams: Streams) -> Actor:
     """The actor of a configuration, on the CPU, initialised from its own streams.
 
     Args:
@@ -29,7 +26,6 @@ def build_actor(
         observation_size: N.
         action_size: M.
         streams: the run's random streams.
-        reference: the plain step-by-step version of a spiking actor instead of the fused one.
 
     Returns:
         The actor of the configured kind.
@@ -41,8 +37,7 @@ def build_actor(
         return MLPActor(config.actor, observation_size, action_size, streams)
     if isinstance(config.actor, CustomActorConfig):
         return _custom_actor(config, config.actor, observation_size, action_size, streams)
-    actor = StepwiseSpikingActor if reference else SpikingActor
-    return actor(config.actor, config.encoder, observation_size, action_size, streams)
+    return SpikingActor(config.actor, config.encoder, observation_size, action_size, streams)
 
 
 def _custom_actor(

@@ -29,9 +29,5 @@ class PopulationDecoder(nn.Module):
 
     def forward(self, spikes: Tensor) -> Tensor:
         """Raw action ``[B, M]``."""
-        return decode(spikes.mean(0).unflatten(1, self.weight.shape), self.weight, self.bias)
-
-
-def decode(rates: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
-    """Raw action ``[B, M]`` of firing rates ``[B, M, P]``."""
-    return (rates * weight).sum(-1) + bias
+        rates = spikes.mean(0).unflatten(1, self.weight.shape)  # [B, M, P]
+        return (rates * self.weight).sum(-1) + self.bias

@@ -16,7 +16,12 @@ class Trace(NamedTuple):
     """What happened in one pass of a spiking actor."""
 
     input_spikes: Tensor  # of the encoder, [T, B, N*J]
-    layers: list[tuple[Tensor, Tensor]]  # spikes and membrane potentials of each layer, [T, B, n]; empty unless asked
+    layers: list[tuple[Tensor, Tensor]]  # spikes and membrane potentials of each layer, [T, B, n]
+
+    @property
+    def output_spikes(self) -> Tensor:
+        """Spikes of the output population, ``[T, B, M*P]``."""
+        return self.layers[-1][0]
 
 
 class LayerHealth(NamedTuple):

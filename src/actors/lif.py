@@ -1,14 +1,12 @@
-"""The spiking layer: current-based leaky integrate-and-fire neurons, dendritic max and lateral interaction [P].
+"""Current-based leaky integrate-and-fire neurons with lateral interaction [P].
 
 For tau = 1..T, all states 0 before tau = 1 at every decision::
 
-    x_tau = max over branches of z_tau + bias                                  Inter
-    c_tau = d_c * c_(tau-1) + x_tau
-    v_tau = d_v * v_(tau-1) * (1 - o_(tau-1)) + c_tau + sum_k w'_k o_(tau-1),k    Intra
-    o_tau = 1 if v_tau > v_th else 0                                           hard reset to 0
+    c_tau = d_c * c_(tau-1) + x_tau                                             x: Inter (src/actors/synapse.py)
+    v_tau = d_v * v_(tau-1) * (1 - o_(tau-1)) + c_tau + sum_k w'_k o_(tau-1),k  sum: Intra (src/actors/lateral.py)
+    o_tau = 1 if v_tau > v_th else 0                                            hard reset to 0
 
-Surrogate gradient: ``do/dv = 1 where |v - v_th| < w`` (strict), else 0. This module is the specification, in plain
-PyTorch, one step after the other; :mod:`src.actors.lif_op` computes the same, fused.
+Surrogate gradient: ``do/dv = 1 where |v - v_th| < w`` (strict), else 0.
 """
 
 from __future__ import annotations
@@ -32,6 +30,14 @@ class LIFConstants(NamedTuple):
     lateral_gradient: bool  # the lateral term carries gradient back to the neighbours' spikes
 
 
+class LIFState(NamedTuple):
+    """State of a layer's neurons after a step, ``[B, n]`` each."""
+
+    current: Tensor  # c
+    potential: Tensor  # v, the membrane potential before the reset
+    spikes: Tensor  # o
+
+
 class Fire(torch.autograd.Function):
     """``o = 1 if v > v_th else 0`` with the rectangular surrogate gradient."""
 
@@ -50,87 +56,63 @@ class Fire(torch.autograd.Function):
         return grads[0] * inside, None, None
 
 
-def maxout(currents: Tensor) -> tuple[Tensor, Tensor]:
-    """Max over dendritic branches; of equal branches the first wins, and takes the gradient.
+def lateral_terms(spikes: Tensor, weight: Tensor, offsets: Sequence[int]) -> list[Tensor]:
+    """``w'_k o_k`` for each of the K neighbours, ``[B, n]``; beyond the ends of the line nothing spikes.
 
     Args:
-        currents: ``[B, d, n]``.
-
-    Returns:
-        The largest branch current ``[B, n]`` and its index ``[B, n]``, int8.
+        spikes: of the step before, ``[B, n]``.
+        weight: ``w'``, ``[K, n]``.
+        offsets: index distance of each neighbour.
     """
-    largest = currents[:, 0]
-    branch = torch.zeros_like(largest, dtype=torch.int8)
-    for index in range(1, currents.shape[1]):
-        larger = currents[:, index] > largest
-        largest = torch.where(larger, currents[:, index], largest)
-        branch = torch.where(larger, torch.full_like(branch, index), branch)
-    return largest, branch
+    neurons = spikes.shape[1]
+    radius = max(abs(offset) for offset in offsets)
+    padded = F.pad(spikes, (radius, radius))
+    starts = [radius + offset for offset in offsets]
+    return [row * padded[:, start : start + neurons] for row, start in zip(weight, starts, strict=True)]
 
 
 def lif_step(
-    x: Tensor,
-    state: tuple[Tensor, Tensor, Tensor],
-    lateral: Tensor | None,
-    offsets: Sequence[int],
-    constants: LIFConstants,
-) -> tuple[Tensor, Tensor, Tensor]:
+    x: Tensor, state: LIFState, lateral: Tensor | None, offsets: Sequence[int], constants: LIFConstants
+) -> LIFState:
     """One step of the equations above.
 
     Args:
-        x: input current with bias, ``[B, n]``.
-        state: ``(c, v, o)`` of the step before, ``[B, n]`` each.
+        x: input current, ``[B, n]``.
+        state: of the step before.
         lateral: ``w'``, ``[K, n]``, or None.
         offsets: index distance of each of the K neighbours.
         constants: of the neurons.
-
-    Returns:
-        ``(c, v, o)`` of this step.
     """
-    c, v, o = state
-    reset = o if constants.reset_gradient else o.detach()
-    c = constants.current_decay * c + x
-    v = constants.voltage_decay * v * (1.0 - reset) + c
+    reset = state.spikes if constants.reset_gradient else state.spikes.detach()
+    current = constants.current_decay * state.current + x
+    potential = constants.voltage_decay * state.potential * (1.0 - reset) + current
     if lateral is not None:
-        radius = max(abs(offset) for offset in offsets)
-        neighbours = F.pad(o if constants.lateral_gradient else o.detach(), (radius, radius))
-        for row, offset in enumerate(offsets):
-            start = radius + offset
-            v = v + lateral[row] * neighbours[:, start : start + o.shape[1]]
-    return c, v, Fire.apply(v, constants.threshold, constants.window)  # type: ignore[no-untyped-call]
+        neighbours = state.spikes if constants.lateral_gradient else state.spikes.detach()
+        for term in lateral_terms(neighbours, lateral, offsets):
+            potential = potential + term
+    spikes: Tensor = Fire.apply(potential, constants.threshold, constants.window)  # type: ignore[no-untyped-call]
+    return LIFState(current, potential, spikes)
 
 
-def lif_reference(
-    currents: Tensor,
-    bias: Tensor | None,
-    lateral: Tensor | None,
-    offsets: Sequence[int],
-    branches: int,
-    constants: LIFConstants,
-) -> tuple[Tensor, Tensor, Tensor]:
-    """All T steps of a layer, differentiable by autograd.
+def lif_layer(
+    x: Tensor, lateral: Tensor | None, offsets: Sequence[int], constants: LIFConstants
+) -> tuple[Tensor, Tensor]:
+    """All T steps of a layer.
 
     Args:
-        currents: z, the branch currents, ``[T, B, d*n]``, branch by branch.
-        bias: of the neurons, ``[n]``, added after the max, or None.
+        x: input currents, ``[T, B, n]``.
         lateral: ``w'``, ``[K, n]``, or None.
         offsets: index distance of each of the K neighbours.
-        branches: d.
         constants: of the neurons.
 
     Returns:
-        Spikes ``[T, B, n]``, membrane potentials ``[T, B, n]`` (before the reset) and the index of the largest branch
-        ``[T, B, n]``, int8.
+        Spikes and membrane potentials (before the reset), ``[T, B, n]`` each.
     """
-    dendrites = currents.unflatten(-1, (branches, -1))
-    zeros = torch.zeros_like(dendrites[0, :, 0])
-    state = (zeros, zeros, zeros)
-    spikes, potentials, winners = [], [], []
-    for step in range(currents.shape[0]):
-        largest, branch = maxout(dendrites[step])
-        x = largest if bias is None else largest + bias
-        state = lif_step(x, state, lateral, offsets, constants)
-        spikes.append(state[2])
-        potentials.append(state[1])
-        winners.append(branch)
-    return torch.stack(spikes), torch.stack(potentials), torch.stack(winners)
+    zeros = torch.zeros_like(x[0])
+    state = LIFState(zeros, zeros, zeros)
+    spikes, potentials = [], []
+    for x_tau in x:
+        state = lif_step(x_tau, state, lateral, offsets, constants)
+        spikes.append(state.spikes)
+        potentials.append(state.potential)
+    return torch.stack(spikes), torch.stack(potentials)

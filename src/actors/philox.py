@@ -1,7 +1,7 @@
 """Uniform numbers from a counter: Philox4x32-10 of Salmon, Moraes, Dror and Shaw (SC 2011), in plain PyTorch.
 
-A 64-bit key and a 128-bit counter give four words of 32 bits; number after number can be computed in any order, which
-is what SIMD likes. This module is the specification; :mod:`src.actors.poisson_kernel` computes the same, fused.
+A 64-bit key and a 128-bit counter give four words of 32 bits; the numbers can be computed in any order, on any device,
+and are the same.
 """
 
 from __future__ import annotations

@@ -7,14 +7,13 @@ from torch import Tensor, nn
 
 from src.actors.initialisation import Initialiser
 from src.actors.lateral import LateralInteraction
-from src.actors.lif import LIFConstants
-from src.actors.lif_op import lif
-from src.actors.synapse import Encoded, Synapse
+from src.actors.lif import LIFConstants, lif_layer
+from src.actors.synapse import Synapse
 from src.config import DendriticConfig, LateralConfig
 
 
 class SpikingLayer(nn.Module):
-    """Spikes in, spikes out; all T steps at once, since a layer's input is known before it starts.
+    """Spikes in, spikes out; the products of all T steps at once, since a layer's input is known before it starts.
 
     Args:
         dendritic: inter-layer connections.
@@ -41,17 +40,9 @@ class SpikingLayer(nn.Module):
         self.synapse = Synapse(dendritic, inputs, neurons, initialiser.at("synapse"), partition_seed)
         self.lateral = LateralInteraction(lateral, neurons, initialiser.at("lateral")) if lateral.radius else None
 
-    def forward(
-        self, spikes: Tensor, encoded: Encoded | None = None, membrane: bool = False
-    ) -> tuple[Tensor, Tensor | None]:
-        """Spikes ``[T, B, inputs] -> [T, B, n]``; with ``membrane`` also the membrane potentials.
-
-        Args:
-            spikes: of the layer before.
-            encoded: of the first layer: what its input spikes encode.
-            membrane: whether to give the membrane potentials ``[T, B, n]``, without gradient.
-        """
-        synapse = self.synapse
-        lateral, offsets = (None, ()) if self.lateral is None else (self.lateral(), self.lateral.offsets)
-        currents = synapse(spikes) if encoded is None else synapse.encoded(spikes, encoded)
-        return lif(currents, synapse.neuron_bias, lateral, offsets, synapse.branches, self.constants, membrane)
+    def forward(self, spikes: Tensor) -> tuple[Tensor, Tensor]:
+        """Spikes ``[T, B, inputs]`` to the spikes and membrane potentials (before the reset) ``[T, B, n]``."""
+        x = self.synapse(spikes)
+        if self.lateral is None:
+            return lif_layer(x, None, (), self.constants)
+        return lif_layer(x, self.lateral(), self.lateral.offsets, self.constants)

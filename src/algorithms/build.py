@@ -1,25 +1,32 @@
-"""From a configuration to a learner: the one place that knows which algorithm has which parts."""
+"""From a configuration to a learner: the one place that knows which algorithm has which parts, and which backend runs."""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
+from src.actors.actor import Actor
 from src.actors.build import build_actor
 from src.algorithms.critic import TwinCritic
 from src.algorithms.learner import Learner, UpdateStreams
 from src.algorithms.policy import LogStdNetwork
-from src.algorithms.sac_learner import SACLearner
-from src.algorithms.td3_learner import TD3Learner
-from src.config import ExperimentConfig, TD3Config
+from src.algorithms.sac import SAC
+from src.algorithms.td3 import TD3
+from src.config import ConfigurationError, ExperimentConfig, TD3Config
 from src.streams import Streams
 
 
+class Backend(NamedTuple):
+    """The two algorithms, in plain PyTorch or in the fast form of :mod:`src.engine`."""
+
+    td3: type[TD3]
+    sac: type[SAC]
+
+
+PLAIN = Backend(TD3, SAC)
+
+
 def build_learner(
-    config: ExperimentConfig,
-    observation_size: int,
-    action_size: int,
-    action_limit: float,
-    streams: Streams,
-    *,
-    reference: bool = False,
+    config: ExperimentConfig, observation_size: int, action_size: int, action_limit: float, streams: Streams
 ) -> Learner:
     """The learner of a run, initialised from the run's streams.
 
@@ -29,20 +36,41 @@ def build_learner(
         action_size: M.
         action_limit: bound of the actions.
         streams: the run's random streams.
-        reference: spiking actors as plain step-by-step eager PyTorch (for tests and benchmarks).
+
+    Raises:
+        ConfigurationError: ``backend=fast`` where the engine does not serve; see also :func:`build_actor`.
     """
     algo = config.algo
-    actor = build_actor(config, observation_size, action_size, streams, reference=reference).to(config.device)
+    actor = build_actor(config, observation_size, action_size, streams).to(config.device)
     critic = TwinCritic(observation_size, action_size, algo.critic_hidden_sizes, streams).to(config.device)
     update_streams = UpdateStreams(
         exploration=streams.torch("exploration"),
         update_noise=streams.torch("target noise" if isinstance(algo, TD3Config) else "policy noise"),
         encoder=streams.torch("encoder"),
     )
+    backend = engine_for(config, actor)
     if isinstance(algo, TD3Config):
-        return TD3Learner(algo, actor, critic, action_limit, update_streams)
+        return backend.td3(algo, actor, critic, action_limit, update_streams)
     if algo.log_std_network == "shared":
         log_std = LogStdNetwork(config.actor.hidden_sizes[-1], action_size, streams, ())  # type: ignore[union-attr]
     else:
         log_std = LogStdNetwork(observation_size, action_size, streams, algo.log_std_hidden_sizes)
-    return SACLearner(algo, actor, log_std.to(config.device), critic, action_limit, update_streams)
+    return backend.sac(algo, actor, log_std.to(config.device), critic, action_limit, update_streams)
+
+
+def engine_for(config: ExperimentConfig, actor: Actor) -> Backend:
+    """The backend that ``config.backend`` asks for: plain, fast, or (auto) fast where it serves the actor.
+
+    Raises:
+        ConfigurationError: fast is asked for and does not serve.
+    """
+    if config.backend == "plain":
+        return PLAIN
+    from src.engine import fast  # the plain path needs nothing of it
+
+    refusal = fast.refusal(actor, config.device)
+    if refusal is None:
+        return Backend(fast.TD3, fast.SAC)
+    if config.backend == "fast":
+        raise ConfigurationError(f"backend: fast does not serve actor {config.actor.name} ({refusal}); use auto or plain.")
+    return PLAIN

@@ -2,29 +2,42 @@
 
 from __future__ import annotations
 
+import copy
 from abc import ABC, abstractmethod
-from typing import Any, NamedTuple
+from collections.abc import Iterator
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import torch
 from torch import Tensor, nn
 
 from src.actors.health import ActorHealth
-from src.algorithms.adam import FlatAdam
 from src.algorithms.critic import TwinCritic
 from src.algorithms.metrics import BurstRecord, Diverged
-from src.algorithms.parameters import FlatParameters
 from src.algorithms.policy import DeterministicPolicy
-from src.places import fixed_places
+
+
+class Minibatch(NamedTuple):
+    """What one update learns from."""
+
+    observation: Tensor  # [B, N]
+    action: Tensor  # [B, M]
+    reward: Tensor  # [B]
+    next_observation: Tensor  # [B, N]
+    terminated: Tensor  # [B], 1.0 where the episode ended by itself
 
 
 class Minibatches(NamedTuple):
-    """The minibatches of one burst: count x batch x size, float32, contiguous."""
+    """The C minibatches of one burst, contiguous."""
 
     observation: Tensor  # [C, B, N]
     action: Tensor  # [C, B, M]
     reward: Tensor  # [C, B]
     next_observation: Tensor  # [C, B, N]
     terminated: Tensor  # [C, B], 1.0 where the episode ended by itself
+
+    def one_by_one(self) -> Iterator[Minibatch]:
+        """The minibatches in their order."""
+        return (Minibatch(*parts) for parts in zip(*self))
 
 
 class UpdateStreams(NamedTuple):
@@ -38,36 +51,31 @@ class UpdateStreams(NamedTuple):
 class Learner(ABC):
     """An algorithm: acts, explores, learns from bursts of minibatches.
 
-    Subclasses fill ``modules`` (saved by name), ``flat`` (their flat parameters) and ``optimizers``.
+    Subclasses fill ``modules`` and ``optimizers`` (both saved by name) and the attributes below.
     """
 
+    backend: ClassVar[Literal["plain", "fast"]] = "plain"
     policy: DeterministicPolicy
     critic: TwinCritic
     streams: UpdateStreams
-    critic_updates: int = 0
-    actor_updates: int = 0
 
     def __init__(self) -> None:
         self.modules: dict[str, nn.Module] = {}
-        self.flat: dict[str, FlatParameters] = {}
-        self.optimizers: dict[str, FlatAdam] = {}
+        self.optimizers: dict[str, torch.optim.Adam] = {}
+        self.critic_updates = 0
+        self.actor_updates = 0
 
     @abstractmethod
     def explore(self, observation: Tensor) -> Tensor:
         """Exploring actions ``[B, M]`` for normalised observations ``[B, N]``."""
 
-    def update(self, burst: Minibatches) -> dict[str, float]:
+    @abstractmethod
+    def learn(self, burst: Minibatches) -> dict[str, float]:
         """One gradient update per minibatch; returns the means of the burst.
 
         Raises:
             Diverged: when a loss is not finite.
         """
-        with fixed_places(*self.modules.values()):
-            return self.learn(burst)
-
-    @abstractmethod
-    def learn(self, burst: Minibatches) -> dict[str, float]:
-        """:meth:`update`, while every parameter keeps its place."""
 
     @torch.no_grad()
     def act(self, observation: Tensor, generator: torch.Generator) -> Tensor:
@@ -75,43 +83,40 @@ class Learner(ABC):
         action: Tensor = self.policy(observation, generator)
         return action
 
+    def minimise(self, loss: Tensor, *names: str) -> None:
+        """One step of the named optimizers by the gradient of the loss to their parameters, and to no others."""
+        parameters = [p for name in names for p in parameters_of(self.optimizers[name])]
+        for p in parameters:
+            p.grad = None
+        loss.backward(inputs=parameters)  # type: ignore[no-untyped-call]
+        for name in names:
+            self.optimizers[name].step()
+
+    def actor_pass(self, observation: Tensor, with_health: bool) -> tuple[Tensor, ActorHealth | None]:
+        """The actor's raw output ``[B, M]`` and, where asked for, its spiking health in the same pass."""
+        actor = self.policy.actor
+        if with_health:
+            return actor.forward_with_health(observation, self.streams.encoder)
+        return actor(observation, self.streams.encoder), None
+
+    def record_health(self, record: BurstRecord, health: ActorHealth) -> None:
+        """Note spiking health, and the norms of the gradients of the actor's last step."""
+        gradients = [p.grad.flatten() for p in parameters_of(self.optimizers["actor"]) if p.grad is not None]
+        record.add("actor_gradient_norm", torch.cat(gradients).norm())
+        layers = self.policy.actor.layer_parameters()
+        record.add_health(health, [[p.grad for p in layer if p.grad is not None] for layer in layers])
+
     def check_finite(self) -> None:
         """Raise :class:`Diverged` when a parameter is not finite."""
-        for name, flat in self.flat.items():
-            if not bool(torch.isfinite(flat.values).all()):
+        for name, module in self.modules.items():
+            if not all(bool(torch.isfinite(p).all()) for p in module.parameters()):
                 raise Diverged(f"a parameter of the {name} is not finite")
 
-    def critic_step(self, inputs: Tensor, target: Tensor, record: BurstRecord) -> None:
-        """One optimizer step of the critics towards a target ``[B]`` at observations and actions ``[B, N + M]``."""
-        values, loss = self.critic.regress(inputs, target, self.flat["critic"].gradient_of)
-        self.optimizers["critic"].step()
-        self.critic_updates += 1
-        record.add("critic_loss", loss)
-        record.add_values(values)
-
-    def actor_step(self, record: BurstRecord, health: ActorHealth | None, *others: str) -> None:
-        """One optimizer step of the actor (and of what learns with it) by the gradients as they stand, and the
-        projection of its sigma.
-
-        Args:
-            record: of the burst.
-            health: of the same pass, or None.
-            others: names of the flat parameters that learn with the actor's.
-        """
-        for name in ("actor", *others):
-            self.optimizers[name].step()
-        actor, flat = self.policy.actor, self.flat["actor"]
-        actor.project()
-        self.actor_updates += 1
-        if health is not None:
-            record.add("actor_gradient_norm", flat.gradient.norm())
-            record.add_health(health, actor, flat.gradient_of)
-
     def state_dict(self) -> dict[str, Any]:
-        """Networks, targets, optimizers and counters: tensors and plain containers only."""
+        """Networks, targets, optimizers and counters: copies, tensors and plain containers only."""
         return {
             "modules": {n: {k: v.clone() for k, v in m.state_dict().items()} for n, m in self.modules.items()},
-            "optimizers": {n: o.state_dict() for n, o in self.optimizers.items()},
+            "optimizers": {n: copy.deepcopy(o.state_dict()) for n, o in self.optimizers.items()},
             "critic_updates": self.critic_updates,
             "actor_updates": self.actor_updates,
         }
@@ -124,3 +129,21 @@ class Learner(ABC):
             optimizer.load_state_dict(state["optimizers"][name])
         self.critic_updates = state["critic_updates"]
         self.actor_updates = state["actor_updates"]
+
+
+def adam(learning_rate: float, *modules: nn.Module) -> torch.optim.Adam:
+    """Adam over all that learns in the modules; betas (0.9, 0.999) and eps 1e-8 are PyTorch's defaults, and [SU]'s."""
+    parameters = [p for module in modules for p in module.parameters() if p.requires_grad]
+    return torch.optim.Adam(parameters, lr=learning_rate)
+
+
+def parameters_of(optimizer: torch.optim.Optimizer) -> list[nn.Parameter]:
+    """All parameters that an optimizer steps."""
+    return [p for group in optimizer.param_groups for p in group["params"]]
+
+
+@torch.no_grad()
+def follow(target: nn.Module, online: nn.Module, polyak: float) -> None:
+    """Polyak averaging of a target network: ``target <- polyak * target + (1 - polyak) * online`` [SU]."""
+    for slow, fast in zip(target.parameters(), online.parameters(), strict=True):
+        slow.lerp_(fast, 1.0 - polyak)

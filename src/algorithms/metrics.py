@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import torch
 from torch import Tensor
 
-from src.actors.actor import Actor
 from src.actors.health import ActorHealth
-from src.places import GradientOf
 
 METRICS = ("critic_loss", "actor_loss", "q1", "q2", "log_probability", "actor_gradient_norm")
 
@@ -37,11 +36,11 @@ class BurstRecord:
 
     def add(self, name: str, value: Tensor) -> None:
         """Note a metric of one update, or of all of them, ``[C]``; its mean over the burst is reported."""
-        self._losses.setdefault(name, []).append(value)
+        self._losses.setdefault(name, []).append(value.detach())
 
     def add_values(self, values: Tensor) -> None:
         """Note the critics' values ``[2, B]``."""
-        self._values.append(values)
+        self._values.append(values.detach())
 
     def add_samples(self, *samples: Tensor) -> None:
         """Note what the actor's loss is made of, ``[..., B]`` each."""
@@ -51,16 +50,21 @@ class BurstRecord:
         """What was noted of all C updates, ``[..., C, B]`` each."""
         return tuple(torch.stack(parts, dim=-2) for parts in zip(*self._samples))
 
-    def add_health(self, health: ActorHealth, actor: Actor, gradient_of: GradientOf) -> None:
-        """Note firing rates, window shares and gradient norms per spiking layer (METHOD: the hazard of saturation)."""
+    def add_health(self, health: ActorHealth, gradients_per_layer: Sequence[Sequence[Tensor]]) -> None:
+        """Note firing rates, window shares and gradient norms per spiking layer (METHOD: the hazard of saturation).
+
+        Args:
+            health: of one pass of the actor.
+            gradients_per_layer: to the parameters of each spiking layer.
+        """
         if health.input_firing_rate is not None:
             self.health["input_firing_rate"] = float(health.input_firing_rate)
-        for k, (layer, own) in enumerate(zip(health.layers, actor.layer_parameters()), start=1):
+        for k, (layer, gradients) in enumerate(zip(health.layers, gradients_per_layer), start=1):
             self.health[f"layer{k}_firing_rate"] = float(layer.firing_rate)
             self.health[f"layer{k}_window_share"] = float(layer.window_share)
             self.health[f"layer{k}_always_on"] = float(layer.always_on)
             self.health[f"layer{k}_never_on"] = float(layer.never_on)
-            norms = [gradient_of[p].norm() for p in own if p in gradient_of]
+            norms = [gradient.norm() for gradient in gradients]
             self.health[f"layer{k}_gradient_norm"] = float(torch.stack(norms).norm()) if norms else 0.0
 
     def means(self) -> dict[str, float]:

@@ -8,10 +8,8 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from src.actors.actor import Actor, Pull
-from src.actors.health import ActorHealth
-from src.ensemble_mlp import EnsembleMLP
-from src.places import GradientOf
+from src.actors.actor import Actor
+from src.actors.mlp import EnsembleMLP
 from src.streams import Streams
 
 
@@ -32,23 +30,11 @@ class DeterministicPolicy(nn.Module):
 
     def forward(self, observation: Tensor, generator: torch.Generator | None = None) -> Tensor:
         """Actions ``[B, M]`` for normalised observations ``[B, N]``; the generator feeds a poisson encoder."""
-        return torch.tanh(self.actor(observation, generator)) * self.action_limit
+        return self.squash(self.actor(observation, generator))
 
-    def minibatches(self, observation: Tensor, generator: torch.Generator | None = None) -> Tensor:
-        """:meth:`forward` without gradient on G minibatches, ``[G, B, N] -> [G, B, M]``."""
-        return torch.tanh(self.actor.minibatches(observation, generator)) * self.action_limit
-
-    def vjp(
-        self, observation: Tensor, generator: torch.Generator | None = None, with_health: bool = False
-    ) -> tuple[Tensor, ActorHealth | None, Pull]:
-        """:meth:`forward` and its vector-Jacobian product; see :meth:`Actor.vjp`."""
-        raw, health, pull_raw = self.actor.vjp(observation, generator, with_health)
-        squashed = torch.tanh(raw)
-
-        def pull(to_action: Tensor, gradient_of: GradientOf) -> None:
-            pull_raw(torch.ops.aten.tanh_backward(to_action * self.action_limit, squashed), gradient_of)
-
-        return squashed * self.action_limit, health, pull
+    def squash(self, raw: Tensor) -> Tensor:
+        """``tanh(raw) * limit``."""
+        return torch.tanh(raw) * self.action_limit
 
 
 class LogStdNetwork(nn.Module):

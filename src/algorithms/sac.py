@@ -1,20 +1,28 @@
-"""SAC (Haarnoja et al. 2018) with a fixed temperature, as pure functions, in the form of Spinning Up.
+"""SAC (Haarnoja et al., 2018) with a fixed temperature, in the form of Spinning Up [SU].
 
-Independent oracle: TorchRL's ``SACLoss`` (``tests/algorithms/test_sac.py``). The critic's loss is TD3's.
+The functions below are held against TorchRL's ``SACLoss`` (``tests/algorithms/test_sac.py``); :meth:`SAC.learn` puts
+them together. The critic's loss is TD3's.
 """
 
 from __future__ import annotations
 
+import copy
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from src.actors.kernels import takes_kernel
-from src.algorithms.tanh_gaussian_kernel import gradient_kernel, sample_kernel
+from src.actors.actor import Actor
+from src.actors.health import NOTHING_SPIKES, ActorHealth
+from src.actors.mlp_actor import MLPActor
+from src.algorithms.critic import TwinCritic
+from src.algorithms.learner import Learner, Minibatches, UpdateStreams, adam, follow
+from src.algorithms.metrics import BurstRecord
+from src.algorithms.policy import DeterministicPolicy, LogStdNetwork
+from src.algorithms.td3 import critic_loss
+from src.config import SACConfig
 
 _HALF_LOG_2PI = 0.5 * math.log(2 * math.pi)
 _LOG_2 = math.log(2.0)
@@ -28,8 +36,15 @@ class Bounds(NamedTuple):
     action_limit: float
 
 
+class Gaussian(NamedTuple):
+    """The policy before it is squashed, ``[B, M]`` each."""
+
+    mean: Tensor
+    log_std: Tensor  # before it is clamped
+
+
 def tanh_gaussian(mean: Tensor, log_std: Tensor, noise: Tensor, bounds: Bounds) -> tuple[Tensor, Tensor]:
-    """A reparametrised sample of the squashed Gaussian and its log-probability, in PyTorch's operators.
+    """A reparametrised sample of the squashed Gaussian and its log-probability.
 
     ``u = mean + exp(log_std) * noise``, ``a = limit * tanh(u)``, with the log-std clamped to its bounds,
     ``log pi = sum_M [log N(u; mean, std) - log(1 - tanh(u)^2)]`` with the numerically stable form
@@ -52,53 +67,6 @@ def tanh_gaussian(mean: Tensor, log_std: Tensor, noise: Tensor, bounds: Bounds) 
     return torch.tanh(u) * bounds.action_limit, log_probability
 
 
-#: From the gradients to actions ``[B, M]`` and log-probabilities ``[B]`` to those of mean and log-std, ``[B, M]``.
-PullSample = Callable[[Tensor, Tensor], tuple[Tensor, Tensor]]
-
-
-def tanh_gaussian_vjp(
-    mean: Tensor, log_std: Tensor, noise: Tensor, bounds: Bounds
-) -> tuple[Tensor, Tensor, PullSample]:
-    """:func:`tanh_gaussian` without graph, and its vector-Jacobian product: one kernel each for float32 on the CPU."""
-    parts = mean, log_std, noise
-    if all(takes_kernel(x) and x.shape == mean.shape for x in parts):
-        return _fused_tanh_gaussian(mean, log_std, noise, bounds)
-    with torch.enable_grad():
-        mean, log_std = mean.detach().requires_grad_(), log_std.detach().requires_grad_()
-        outputs = tanh_gaussian(mean, log_std, noise, bounds)
-
-    def pull(*gradients: Tensor) -> tuple[Tensor, Tensor]:
-        to_mean, to_log_std = torch.autograd.grad(outputs, [mean, log_std], gradients)
-        return to_mean, to_log_std
-
-    return outputs[0].detach(), outputs[1].detach(), pull
-
-
-def _fused_tanh_gaussian(
-    mean: Tensor, log_std: Tensor, noise: Tensor, bounds: Bounds
-) -> tuple[Tensor, Tensor, PullSample]:
-    """Some thirty small operators in a kernel."""
-    shape = samples, _ = mean.shape
-    action, log_probability, kept = mean.new_empty(shape), mean.new_empty(samples), mean.new_empty(2, *shape)
-    mean, log_std, noise = mean.contiguous(), log_std.contiguous(), noise.contiguous()
-    outputs = (action.data_ptr(), log_probability.data_ptr(), kept.data_ptr())
-    sample_kernel()(*shape, mean.data_ptr(), log_std.data_ptr(), noise.data_ptr(), *bounds, *outputs)
-
-    def pull(to_action: Tensor, to_log_probability: Tensor) -> tuple[Tensor, Tensor]:
-        if to_action.shape != action.shape or to_log_probability.shape != log_probability.shape:
-            raise ValueError(f"a sample is {[*action.shape]}, the gradient to it {[*to_action.shape]}")
-        if not (takes_kernel(to_action) and takes_kernel(to_log_probability)):
-            found = ", ".join(f"{x.dtype} on {x.device}" for x in (to_action, to_log_probability))
-            raise ValueError(f"a sample is float32 on the CPU, the gradient to it {found}")
-        to_action, to_log_probability = to_action.contiguous(), to_log_probability.contiguous()
-        to_mean, to_log_std = mean.new_empty(shape), mean.new_empty(shape)
-        inputs = (to_action.data_ptr(), to_log_probability.data_ptr(), log_std.data_ptr())
-        gradient_kernel()(*shape, *inputs, *bounds, kept.data_ptr(), to_mean.data_ptr(), to_log_std.data_ptr())
-        return to_mean, to_log_std
-
-    return action, log_probability, pull
-
-
 def bellman_target(
     reward: Tensor, terminated: Tensor, next_values: Tensor, next_log_probability: Tensor, discount: float, alpha: float
 ) -> Tensor:
@@ -110,3 +78,98 @@ def bellman_target(
 def actor_loss(log_probability: Tensor, values: Tensor, alpha: float) -> Tensor:
     """``mean over B of alpha log pi - min(Q1, Q2)``; ``log_probability`` ``[..., B]``, ``values`` ``[2, ..., B]``."""
     return (alpha * log_probability - torch.minimum(*values.unbind())).mean(-1)
+
+
+class SAC(Learner):
+    """SAC for any actor: the actor gives the mean, a network of its own or a second head on its trunk the log-std.
+
+    Args:
+        config: hyper-parameters.
+        actor: network ``[B, N] -> mean [B, M]``; with ``log_std_network="shared"`` an :class:`MLPActor`.
+        log_std: network of the log standard deviation.
+        critic: the twin critics.
+        action_limit: bound of the actions.
+        streams: exploration noise, the policy's noise in updates, and encoder draws.
+    """
+
+    def __init__(
+        self,
+        config: SACConfig,
+        actor: Actor,
+        log_std: LogStdNetwork,
+        critic: TwinCritic,
+        action_limit: float,
+        streams: UpdateStreams,
+    ) -> None:
+        super().__init__()
+        self.config = config
+        self.streams = streams
+        self.action_limit = action_limit
+        self.bounds = Bounds(config.log_std_min, config.log_std_max, action_limit)
+        self.policy = DeterministicPolicy(actor, action_limit)
+        self.log_std = log_std
+        self.critic = critic
+        self.target_critic = copy.deepcopy(critic)
+        self.modules = {"actor": actor, "log_std": log_std, "critic": critic, "target_critic": self.target_critic}
+        if config.log_std_network == "shared":
+            self.optimizers = {"actor": adam(config.actor_learning_rate, actor, log_std)}
+        else:
+            self.optimizers = {
+                "actor": adam(config.actor_learning_rate, actor),
+                "log_std": adam(config.log_std_learning_rate, log_std),
+            }
+        self.policy_optimizers = tuple(self.optimizers)
+        self.optimizers["critic"] = adam(config.critic_learning_rate, critic)
+
+    def gaussian(self, observation: Tensor, with_health: bool = False) -> tuple[Gaussian, ActorHealth | None]:
+        """The policy at observations ``[B, N]`` and, where asked for, the actor's spiking health in the same pass."""
+        if self.config.log_std_network == "separate":
+            mean, health = self.actor_pass(observation, with_health)
+            return Gaussian(mean, self.log_std(observation)), health
+        actor = self.policy.actor
+        assert isinstance(actor, MLPActor)  # only it has a trunk to share; other configurations are refused
+        features = actor.features(observation)
+        return Gaussian(actor.head(features), self.log_std(features)), NOTHING_SPIKES if with_health else None
+
+    @torch.no_grad()
+    def explore(self, observation: Tensor) -> Tensor:
+        """A sample of the policy."""
+        shape = (len(observation), self.log_std.action_size)
+        noise = torch.randn(shape, generator=self.streams.exploration).to(observation)
+        policy, _ = self.gaussian(observation)
+        return tanh_gaussian(*policy, noise, self.bounds)[0]
+
+    def learn(self, burst: Minibatches) -> dict[str, float]:
+        """See :meth:`Learner.learn`; the noise of the burst is drawn at its start, by use and minibatch."""
+        config = self.config
+        record = BurstRecord()
+        noise = torch.randn((2, *burst.action.shape), generator=self.streams.update_noise).to(burst.action)
+        for index, (batch, target_noise, actor_noise) in enumerate(zip(burst.one_by_one(), *noise)):
+            with torch.no_grad():
+                policy, _ = self.gaussian(batch.next_observation)
+                next_action, next_log_probability = tanh_gaussian(*policy, target_noise, self.bounds)
+                next_values = self.target_critic(batch.next_observation, next_action)
+                target = bellman_target(
+                    batch.reward, batch.terminated, next_values, next_log_probability, config.discount, config.alpha
+                )
+
+            values = self.critic(batch.observation, batch.action)
+            loss = critic_loss(values, target)
+            self.minimise(loss, "critic")
+            self.critic_updates += 1
+            record.add("critic_loss", loss)
+            record.add_values(values)
+
+            policy, health = self.gaussian(batch.observation, with_health=index == 0)
+            action, log_probability = tanh_gaussian(*policy, actor_noise, self.bounds)
+            loss = actor_loss(log_probability, self.critic(batch.observation, action), config.alpha)
+            self.minimise(loss, *self.policy_optimizers)
+            self.policy.actor.project()
+            self.actor_updates += 1
+            record.add("actor_loss", loss)
+            record.add("log_probability", log_probability.mean())
+            if health is not None:
+                self.record_health(record, health)
+
+            follow(self.target_critic, self.critic, config.polyak)
+        return record.means()

@@ -134,8 +134,7 @@ class TrainingSession:
             batches = iter(collector)
             while self.step < p.total_steps:
                 started = time.perf_counter()
-                with self.learner.policy.actor.fixed_weights():
-                    batch = next(batches)
+                batch = next(batches)
                 self._advance(batch)
                 self.interval_seconds += time.perf_counter() - started
                 if self.step % p.evaluation_interval == 0:
@@ -186,14 +185,13 @@ class TrainingSession:
             next_observation=self.normalizer.normalize(sample.next_observation).to(device),
             terminated=sample.terminated.to(device),
         )
-        self.interval.add(self.learner.update(burst))
+        self.interval.add(self.learner.learn(burst))
 
     def _evaluate(self, logger: Logger) -> None:
         """Evaluate the deterministic policy, write both logs, begin a new interval."""
         started = time.perf_counter()
         self.learner.check_finite()
-        with self.learner.policy.actor.fixed_weights():
-            episodes = self.evaluator.evaluate(self._act_in_evaluation, self.step)
+        episodes = self.evaluator.evaluate(self._act_in_evaluation, self.step)
         self.run.evaluations.append(self.step, episodes)
         self.last_return = sum(r for r, _ in episodes) / len(episodes)
         if self.best is None or self.last_return > self.best.mean_return:
