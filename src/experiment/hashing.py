@@ -33,6 +33,9 @@ _EXCLUDED = frozenset(
     }
 )
 
+#: Keys that came later, and their values that change no number of the runs before them.
+_LATER_KEYS = {"backend": frozenset({"auto", "fast"})}
+
 
 class Difference(NamedTuple):
     """One key whose value differs; ``None`` also stands for a key that one side lacks."""
@@ -64,7 +67,8 @@ def differing_keys(old: dict[str, Any], new: dict[str, Any]) -> list[Difference]
 
 def numbers(composed: dict[str, Any]) -> dict[str, Any]:
     """Dotted keys and values of all that changes numbers."""
-    return flatten({key: value for key, value in composed.items() if key not in _EXCLUDED}, _EXCLUDED)
+    flat = flatten({key: value for key, value in composed.items() if key not in _EXCLUDED}, _EXCLUDED)
+    return {key: value for key, value in flat.items() if value not in _LATER_KEYS.get(key, ())}
 
 
 def flatten(nested: dict[str, Any], excluded: Set[str] = frozenset(), prefix: str = "") -> dict[str, Any]:

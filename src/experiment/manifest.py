@@ -62,6 +62,7 @@ class Manifest:
     dirty: bool | None = None
     processor: str = "unknown"
     blas: dict[str, str | None] = field(default_factory=dict)
+    backend: str | None = None  # that computed the updates: fast or plain
     failure: Failure | None = None
     notes: list[str] = field(default_factory=list)
     format: int = FORMAT

@@ -112,6 +112,7 @@ class TrainingSession:
         self.last_return: float | None = None
         self.best: Standing | None = None  # the highest evaluation so far; of equal ones the first
         run.update_manifest(
+            backend=self.learner.backend,
             observation_size=self.sizes[0],
             action_size=self.sizes[1],
             parameters={
