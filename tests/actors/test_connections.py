@@ -11,13 +11,11 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from src.actors.branch_weights import BranchWeights
 from src.actors.decoder import PopulationDecoder
 from src.actors.initialisation import Initialiser
 from src.actors.lateral import LateralInteraction, neighbour_offsets
 from src.actors.partition import dendritic_partition
-from src.actors.spike_coding import StraightThroughSpikes, coding_gradient
-from src.actors.synapse import Encoded, Synapse
+from src.actors.synapse import Synapse, maxout
 from src.config import ConfigurationError
 from src.streams import Streams
 from tests.actors.configuration import configuration
@@ -79,38 +77,33 @@ def test_branch_weights():
         assert torch.equal(module.weight.grad, (masks * weights.unflatten(0, (branches, -1))).sum(0))
 
 
-def test_branch_weights_follow_the_parameters():
-    """An optimizer step (the fused ones raise no version counter), Polyak averaging, a loaded file: all must show."""
-    module, spikes = synapse(), torch.ones(1, 1, 12)
-    optimizer = torch.optim.Adam(module.parameters(), lr=0.1, fused=True)
-
-    def check():
-        with torch.no_grad():
-            expected = BranchWeights.apply(module.weight, module.branch, 2)
-            assert torch.equal(module.branch_weights(), expected)
-            assert torch.equal(module(spikes), torch.nn.functional.linear(spikes, expected, module.branch_bias))
-
-    check()
-    module(spikes).sum().backward()
-    optimizer.step()
-    check()
-    with torch.no_grad():
-        torch._foreach_lerp_([module.weight], [torch.zeros_like(module.weight)], 0.5)
-    check()
-    module.load_state_dict(synapse(seed=1).state_dict())
-    check()
-    module.weight.data = torch.randn_like(module.weight)
-    check()
+@pytest.mark.parametrize("bias", ["neuron", "branch"])
+@pytest.mark.parametrize("branches", [1, 2, 3])
+def test_input_currents_by_hand(branches, bias):
+    """Each neuron's largest branch, with the bias after the max or inside it [P, ``Inter``]."""
+    module = synapse(branches=branches, bias=bias).double()
+    spikes = (torch.rand(2, 4, 12) < 0.5).double()
+    found = module(spikes)
+    weight, offset = module.weight.detach(), module.bias.detach()
+    for tau, sample, neuron in np.ndindex(2, 4, 6):
+        currents = []
+        for branch in range(branches):
+            inputs = [i for i in range(12) if module.branch is None or module.branch[neuron, i] == branch]
+            currents.append(sum(float(weight[neuron, i] * spikes[tau, sample, i]) for i in inputs))
+            if bias == "branch" and branches > 1:
+                currents[-1] += float(offset[branch, neuron])
+        after = 0.0 if bias == "branch" and branches > 1 else float(offset[neuron])
+        assert float(found[tau, sample, neuron]) == pytest.approx(max(currents) + after)
 
 
-def test_bias_per_neuron_or_branch():
-    assert synapse().neuron_bias.shape == (6,)
-    assert synapse().branch_bias is None
-    inside = synapse(bias="branch")
-    assert inside.neuron_bias is None
-    assert inside.branch_bias.shape == (12,)
-    assert torch.equal(inside(torch.zeros(1, 1, 12)).flatten(), inside.bias.flatten())
-    assert synapse(bias="branch", branches=1).neuron_bias.shape == (6,)
+def test_maxout_identity_and_ties():
+    """max(a, b) = (a + b) / 2 + |a - b| / 2; of equal branches the first takes the gradient."""
+    a, b = torch.randn(2, 50, 8, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    largest = maxout(torch.stack([a, b], dim=1))
+    torch.testing.assert_close(largest, (a + b) / 2 + (a - b).abs() / 2)
+    equal = torch.full((5, 1, 3, 40), 0.6, requires_grad=True)
+    maxout(equal).sum().backward()
+    assert equal.grad[:, :, 0].all() and not equal.grad[:, :, 1:].any()
 
 
 def test_initial_distribution():
@@ -121,28 +114,6 @@ def test_initial_distribution():
     assert layer.bias.abs().max() <= 0.1
     branch = synapse(inputs=100, neurons=200, init_fan_in="branch")
     torch.testing.assert_close(branch.weight, layer.weight * math.sqrt(2))
-
-
-@pytest.mark.parametrize("coding", ["deterministic", "poisson"])
-@pytest.mark.parametrize("branches", [1, 2])
-def test_first_layer_gradient(coding, branches):
-    """The product over B rows gives the gradients of the plain one over T*B rows."""
-    module = synapse(branches=branches, bias="branch").double()
-    weights = torch.randn(5, 4, branches * 6, dtype=torch.float64)
-    results = []
-    for fused in (True, False):
-        module.zero_grad()
-        strength = torch.rand(4, 12, dtype=torch.float64, generator=torch.Generator().manual_seed(0)).requires_grad_()
-        spikes = StraightThroughSpikes.apply(strength, coding, 5, 0.9, torch.Generator().manual_seed(1))
-        if fused:
-            currents = module.encoded(spikes.detach(), Encoded(strength, coding_gradient(coding, 5, 0.9)))
-        else:
-            currents = module(spikes)
-        (currents * weights).sum().backward()
-        bias = module.bias.grad.clone() if branches > 1 else torch.zeros(1)
-        results.append((currents.detach(), strength.grad, module.weight.grad.clone(), bias))
-    for found, expected in zip(*results, strict=True):
-        torch.testing.assert_close(found, expected)
 
 
 def test_lateral_weights():

@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from src.actors.philox import draw_key, philox, uniform
-from src.actors.population_encoder import PopulationEncoder, receptive_fields
-from src.actors.spike_coding import StraightThroughSpikes, coding_gradient, encode, poisson_draws
+from src.actors.population_encoder import PopulationEncoder
+from src.actors.spike_coding import coding_gradient, encode, poisson_draws
 from tests.actors.configuration import configuration
 
 
@@ -30,7 +30,7 @@ def test_deterministic_trains(strength, train):
 
 
 def test_deterministic_trains_of_a_batch():
-    """The fused coding equals the plain loop bit for bit, at sizes that fill no SIMD register."""
+    """The voltages of a batch are those of the equations, one after the other."""
     strength = torch.rand(7, 13, generator=torch.Generator().manual_seed(0))
     voltage, expected = torch.zeros_like(strength), []
     for _ in range(5):
@@ -43,14 +43,14 @@ def test_deterministic_trains_of_a_batch():
 def test_deterministic_gradient_through_the_soft_reset():
     """d v'_tau / d A by hand: 1, then (1 - theta) of the step before plus 1."""
     strength = torch.tensor([[0.7, 0.2]], requires_grad=True)
-    spikes = StraightThroughSpikes.apply(strength, "deterministic", 3, 0.9, None)
+    spikes = encode(strength, "deterministic", 3, 0.9, None)
     (spikes * torch.tensor([1.0, 10.0, 100.0]).reshape(3, 1, 1)).sum().backward()
     np.testing.assert_allclose(strength.grad.numpy(), [[1 + 10 * 1.1 + 100 * 1.11] * 2], rtol=1e-6)
 
 
 def test_poisson_rate_and_gradient():
     strength = torch.tensor([[0.0, 0.2, 0.7, 1.0]], requires_grad=True)
-    spikes = StraightThroughSpikes.apply(strength, "poisson", 20000, 0.999, torch.Generator().manual_seed(0))
+    spikes = encode(strength, "poisson", 20000, 0.999, torch.Generator().manual_seed(0))
     np.testing.assert_allclose(spikes.mean((0, 1)).detach().numpy(), [0, 0.2, 0.7, 1.0], atol=0.02)
     assert set(spikes.flatten().tolist()) == {0.0, 1.0}
     spikes.sum().backward()
@@ -69,15 +69,15 @@ def test_philox_known_answers(counter, key, words):
     assert tuple(int(word) for word in found) == words
 
 
-@pytest.mark.parametrize("shape", [(1, 1), (3, 1), (1, 5), (7, 13), (100, 110)])
-def test_poisson_kernel_equals_its_specification(shape):
-    """The fused trains are those of the plain generator, bit for bit, and both move the stream on alike."""
-    strength = torch.rand(shape, generator=torch.Generator().manual_seed(0))
-    first, second = torch.Generator().manual_seed(1), torch.Generator().manual_seed(1)
-    for _ in range(3):
+def test_poisson_spikes_are_where_the_draw_is_below_the_strength():
+    """And one pass moves the stream on by one draw, whatever its size."""
+    first, second, third = (torch.Generator().manual_seed(1) for _ in range(3))
+    for shape in [(1, 1), (3, 1), (7, 13), (100, 110)]:
+        strength = torch.rand(shape, generator=torch.Generator().manual_seed(0))
         spikes = encode(strength, "poisson", 5, 0.999, first)
         assert torch.equal(spikes, (poisson_draws(strength, 5, second) < strength).float())
-    assert torch.equal(first.get_state(), second.get_state())
+        draw_key(third)
+    assert torch.equal(first.get_state(), third.get_state())
 
 
 def test_uniform_numbers():
@@ -123,28 +123,29 @@ def test_receptive_fields():
     np.testing.assert_allclose(module.strength(observation).detach().numpy(), expected.reshape(4, 30), atol=1e-6)
 
 
-@pytest.mark.parametrize("kernel", [True, False])
-def test_strengths_that_underflow_are_zero(kernel, monkeypatch):
+def test_strengths_that_underflow_are_zero():
     """Not denormal numbers, which take an exponential fifty times as long; and nothing else is touched."""
-    if not kernel:
-        monkeypatch.setattr("src.actors.population_encoder.takes_kernel", lambda tensor: False)
+    module = PopulationEncoder(configuration(encoder__population_size=1).encoder, 1, 5)
     exponents = np.concatenate([np.linspace(-88, -86, 999), [-np.inf, -100, -50, 0, np.nan]])
-    mean, std = torch.zeros(1, 1), torch.full((1, 1), 0.5**0.5)
-    observation = torch.tensor(np.sqrt(-exponents), dtype=torch.float32).unsqueeze(1)
-    distance, strength = receptive_fields(observation, mean, std)
-    exponent = (distance.square() * (-0.5 / std.square())).flatten().double().numpy()
+    with torch.no_grad():
+        module.mean.zero_()
+        module.std.fill_(0.5**0.5)
+        observation = torch.tensor(np.sqrt(-exponents), dtype=torch.float32).unsqueeze(1)
+        found = module.strength(observation).flatten().double().numpy()
+        exponent = (observation.square() * (-0.5 / module.std.square())).flatten().double().numpy()
     expected, tiny = np.exp(exponent), np.finfo(np.float32).tiny
-    found = strength.flatten().double().numpy()
     np.testing.assert_allclose(found, np.where(expected < tiny, 0, expected), rtol=2e-5)
     assert (found == 0).any() and ((found > 0) & (found < 1e-37)).any() and not ((found > 0) & (found < tiny)).any()
 
 
 def test_receptive_field_gradients():
-    """The gradients by hand equal autograd's."""
+    """Those of the equation, an observation far out of every field among them: zero, and a number."""
     module = encoder().double()
     with torch.no_grad():
         module.std.mul_(torch.rand_like(module.std) + 0.5)
-    observation = torch.randn(4, 3, dtype=torch.float64, requires_grad=True)
+    observation = torch.randn(4, 3, dtype=torch.float64)
+    observation[0, 0] = 30.0
+    observation.requires_grad_()
     weights = torch.randn(4, 30, dtype=torch.float64)
     inputs = (observation, module.mean, module.std)
     plain = torch.exp(-((observation.unsqueeze(-1) - module.mean) ** 2) / (2 * module.std**2)).flatten(1)
@@ -180,18 +181,8 @@ def test_deterministic_threshold_is_strict(dtype):
     assert encode(strength, "deterministic", 1, 0.75, None).flatten().tolist() == [0, 1]
 
 
-def test_receptive_fields_take_any_layout_and_refuse_what_does_not_fit():
-    """The kernel gets addresses, and checks nothing itself."""
-    observation, mean, std = torch.randn(7, 22)[:, ::2], torch.randn(10, 11).t(), torch.rand(10, 11).t() + 0.1
-    expected = receptive_fields(*(x.double() for x in (observation, mean, std)))
-    for ours, theirs in zip(receptive_fields(observation, mean, std), expected, strict=True):
-        torch.testing.assert_close(ours.double(), theirs, rtol=1e-5, atol=1e-6)
-    half = observation.half()
-    for others in ((observation, mean, std.double()), (observation.double(), mean, std)):  # PyTorch's operators
-        torch.testing.assert_close(receptive_fields(*others)[1].double(), expected[1], rtol=1e-5, atol=1e-6)
-    assert receptive_fields(half, mean.half(), std.half())[1].dtype == torch.float16
-    for wrong in (observation[:, 1:], observation[0], observation[None]):
-        with pytest.raises(ValueError, match="takes observations"):
-            receptive_fields(wrong, mean, std)
-    with pytest.raises(ValueError, match="sigma"):
-        receptive_fields(observation, mean, std[1:])
+@pytest.mark.parametrize("shape", [(7, 2), (3,), (7, 1), (2, 7, 3)])
+def test_observations_of_another_size_are_refused(shape):
+    """One column would be broadcast to all dimensions in silence."""
+    with pytest.raises(ValueError, match=r"takes observations \[B, 3\]"):
+        encoder().strength(torch.zeros(shape))
