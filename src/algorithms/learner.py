@@ -122,11 +122,11 @@ class Learner(ABC):
         }
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Restore what :meth:`state_dict` gave, in place."""
+        """Restore what :meth:`state_dict` gave; nothing of it is kept."""
         for name, module in self.modules.items():
             module.load_state_dict(state["modules"][name])
         for name, optimizer in self.optimizers.items():
-            optimizer.load_state_dict(state["optimizers"][name])
+            optimizer.load_state_dict(copy.deepcopy(state["optimizers"][name]))  # PyTorch would keep its tensors
         self.critic_updates = state["critic_updates"]
         self.actor_updates = state["actor_updates"]
 
