@@ -217,7 +217,9 @@ class ExperimentConfig:
     sweeps: None = None
     keep_best: bool = True  # besides the final policy that of the best evaluation
     blas: Literal["auto", "mkl", "openblas"] = "auto"  # the library of the matrix products
-    backend: Literal["auto", "fast", "plain"] = "auto"  # updates by src/engine or by plain PyTorch; auto: fast where it serves
+    backend: Literal["auto", "fast", "plain"] = (
+        "auto"  # updates by src/engine or by plain PyTorch; auto: fast where it serves
+    )
 
 
 _SCHEMA = TypeAdapter(ExperimentConfig)

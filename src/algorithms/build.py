@@ -72,5 +72,7 @@ def engine_for(config: ExperimentConfig, actor: Actor) -> Backend:
     if refusal is None:
         return Backend(fast.TD3, fast.SAC)
     if config.backend == "fast":
-        raise ConfigurationError(f"backend: fast does not serve actor {config.actor.name} ({refusal}); use auto or plain.")
+        raise ConfigurationError(
+            f"backend: fast does not serve actor {config.actor.name} ({refusal}); use auto or plain."
+        )
     return PLAIN
