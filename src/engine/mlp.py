@@ -1,0 +1,150 @@
+"""Multilayer perceptrons bound to the kernels: the AAN, SAC's log-std, the twin critics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from src.actors.health import NOTHING_SPIKES, ActorHealth
+from src.actors.mlp import EnsembleMLP
+from src.actors.mlp_actor import MLPActor
+from src.engine import blas, mlp_kernels
+from src.engine.bound import Pull
+from src.engine.records import MLP_LAYER
+
+
+class Kept(NamedTuple):
+    """What a forward pass keeps for its gradient."""
+
+    hidden: list[Tensor]  # the input [B, in], then the output of each layer, [E, B, .]
+
+    def last(self, rows: int) -> Kept:
+        """The same of the last rows alone; of one network."""
+        return Kept([h[..., -rows:, :].contiguous() for h in self.hidden])
+
+
+class BoundMLP:
+    """Networks one behind the other, bound as one.
+
+    Args:
+        networks: the first feeds the second; on the CPU, float32, contiguous.
+        final_relu: the last layer has a ReLU too.
+        gradient_of: where the gradients of the parameters go; None for networks that do not learn.
+    """
+
+    def __init__(
+        self,
+        networks: Sequence[EnsembleMLP],
+        final_relu: bool,
+        gradient_of: Mapping[nn.Parameter, Tensor] | None = None,
+    ) -> None:
+        pairs = [pair for network in networks for pair in zip(network.weights, network.biases)]
+        self.ensemble = len(pairs[0][0])
+        self.final_relu = final_relu
+        self._outputs = [weight.shape[2] for weight, _ in pairs]
+        self._layers = np.zeros(len(pairs), MLP_LAYER)
+        for record, (weight, bias) in zip(self._layers, pairs):
+            record["inputs"], record["outputs"] = weight.shape[1:]
+            record["weight"], record["bias"] = weight.data_ptr(), bias.data_ptr()
+            if gradient_of is not None:
+                record["to_weight"] = gradient_of[weight].data_ptr()
+                record["to_bias"] = gradient_of[bias].data_ptr()
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Outputs ``[E, B, out]`` for ``[B, in]``; keeps nothing."""
+        return self._run(x, self._outputs[-1:])[-1]
+
+    def forward_kept(self, x: Tensor) -> Kept:
+        """:meth:`forward` with what :meth:`pull` needs; the last of it is the output."""
+        return Kept(self._run(x, self._outputs))
+
+    def _run(self, x: Tensor, kept: Sequence[int]) -> list[Tensor]:
+        x = self._checked(x)
+        outputs = [x.new_empty(self.ensemble, len(x), size) for size in kept]
+        hidden = np.zeros(len(self._layers) + 1, np.int64)
+        hidden[0] = x.data_ptr()
+        hidden[-len(outputs) :] = [y.data_ptr() for y in outputs]
+        mlp_kernels.forward(blas.sgemm_address(), self.ensemble, len(x), self._layers, hidden, self.final_relu)
+        return [x, *outputs]
+
+    def pull(self, kept: Kept, to_outputs: Tensor, to_input: bool = False) -> Tensor | None:
+        """Fill the parameters' gradients from that to the outputs ``[E, B, out]``; the input's, ``[B, in]``, if wanted."""
+        if to_outputs.shape != kept.hidden[-1].shape or to_outputs.dtype != torch.float32:
+            found = f"{[*to_outputs.shape]}, {to_outputs.dtype}"
+            raise ValueError(f"the outputs are {[*kept.hidden[-1].shape]}, float32; the gradient to them {found}")
+        to_outputs, x = to_outputs.contiguous(), kept.hidden[0]
+        to_x = torch.empty_like(x) if to_input else None
+        hidden = np.array([h.data_ptr() for h in kept.hidden], np.int64)
+        columns = (0 if to_x is None else to_x.data_ptr(), 0, x.shape[1])
+        arguments = (self._layers, hidden, to_outputs.data_ptr(), self.final_relu, 1, *columns)
+        mlp_kernels.backward(blas.sgemm_address(), self.ensemble, len(x), *arguments)
+        return to_x
+
+    def squared_error_step(self, x: Tensor, target: Tensor) -> tuple[Tensor, Tensor]:
+        """Fill the gradients of ``sum over E of mean over B of (output - target)^2``, of networks with one output.
+
+        Returns the outputs ``[E, B]`` and that loss, for inputs ``[B, in]`` and a common target ``[B]``.
+        """
+        x, target = self._checked(x), target.contiguous()
+        if target.shape != x.shape[:1] or target.dtype != torch.float32:
+            raise ValueError(f"the target is {[*target.shape]}, {target.dtype}; for {len(x)} inputs a [{len(x)}], float32")
+        outputs, loss = x.new_empty(self.ensemble, len(x)), x.new_empty(1)
+        addresses = (x.data_ptr(), target.data_ptr(), outputs.data_ptr(), loss.data_ptr())
+        mlp_kernels.squared_error_step(blas.sgemm_address(), self.ensemble, len(x), self._layers, *addresses)
+        return outputs, loss[0]
+
+    def minimum_input_gradient(self, x: Tensor, first: int, scale: float, members: int) -> tuple[Tensor, Tensor]:
+        """The gradient of ``scale * sum over B of min over the first E' networks of the output`` to columns of x.
+
+        Returns the outputs ``[E', B]`` and that gradient to the columns from ``first`` on.
+        """
+        x = self._checked(x)
+        outputs, gradient = x.new_empty(members, len(x)), x.new_empty(len(x), x.shape[1] - first)
+        addresses = (x.data_ptr(), scale, outputs.data_ptr(), gradient.data_ptr(), first, x.shape[1])
+        mlp_kernels.minimum_input_gradient(blas.sgemm_address(), members, len(x), self._layers, *addresses)
+        return outputs, gradient
+
+    def _checked(self, x: Tensor) -> Tensor:
+        if x.shape[1] != self._layers[0]["inputs"] or x.dtype != torch.float32:
+            raise ValueError(f"the input is {[*x.shape]}, {x.dtype}; the first layer takes {self._layers[0]['inputs']}")
+        return x.contiguous()
+
+
+class BoundMLPActor:
+    """The AAN bound to the kernels, trunk and head as one network.
+
+    Args:
+        actor: on the CPU, float32, contiguous.
+        gradient_of: where the gradients of its parameters go; None for an actor that does not learn.
+    """
+
+    def __init__(self, actor: MLPActor, gradient_of: Mapping[nn.Parameter, Tensor] | None = None) -> None:
+        self._network = BoundMLP((actor.hidden, actor.output), False, gradient_of)
+
+    def refresh(self) -> None:
+        """Nothing is derived from the parameters."""
+
+    def act(self, observation: Tensor, generator: torch.Generator | None) -> Tensor:
+        """Raw actions ``[B, M]``."""
+        return self._network.forward(observation).squeeze(0)
+
+    def raw(self, observation: Tensor, generator: torch.Generator | None) -> Tensor:
+        """Raw actions ``[G, B, M]`` for ``[G, B, N]``."""
+        return self._network.forward(observation.flatten(0, 1)).squeeze(0).unflatten(0, observation.shape[:2])
+
+    def vjp(
+        self, observation: Tensor, generator: torch.Generator | None, with_health: bool
+    ) -> tuple[Tensor, ActorHealth | None, Pull]:
+        """Raw actions ``[G, B, M]``; vector-Jacobian product of the last minibatch."""
+        kept = self._network.forward_kept(observation.flatten(0, 1))
+        raw = kept.hidden[-1].squeeze(0).unflatten(0, observation.shape[:2])
+        last = kept.last(observation.shape[1])
+
+        def pull(to_raw: Tensor) -> None:
+            self._network.pull(last, to_raw.unsqueeze(0))
+
+        return raw, NOTHING_SPIKES if with_health else None, pull

@@ -1,0 +1,98 @@
+"""What kernels are told, as NumPy records with named fields: sizes, constants, and addresses (0 for none).
+
+A kernel reads ``layer["weight"]``. Addresses of parameters and gradients are found once, when a learner is built.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import from_dtype
+
+
+def _integers(*names: str) -> list[tuple[str, type]]:
+    return [(name, np.int64) for name in names]
+
+
+#: A spiking layer: its sizes, its parameters, and where their gradients go.
+SPIKING_LAYER = np.dtype(
+    _integers(
+        "inputs",
+        "neurons",  # n
+        "branches",  # d
+        "neighbours",  # K
+        "bias_per_branch",  # 0 or 1
+        "weight",  # [n, inputs]
+        "bias",  # [n], or [d, n] of the branches
+        "lateral",  # [K, n]
+        "branch",  # of each synapse, [n, inputs], int8
+        "expanded",  # the branch weights [d*n, inputs], where they are at hand (acting); for d = 1 the weight
+        "to_weight",
+        "to_bias",
+        "to_lateral",
+    )
+)
+
+#: What a pass leaves of a spiking layer.
+SPIKING_TRACE = np.dtype(
+    _integers(
+        "spikes",  # [G, T, B, n]
+        "potentials",  # [kept, T, B, n]
+        "largest",  # the largest branch, [kept, T, B, n], int8
+        "expanded",  # branch weights of this pass, [d*n, inputs]
+    )
+)
+
+#: Constants of the LIF neurons (:class:`src.actors.lif.LIFConstants`).
+NEURON = np.dtype(
+    [
+        (name, np.float32)
+        for name in ("current_decay", "voltage_decay", "threshold", "window", "reset", "through_lateral")
+    ]
+)
+
+#: A pass of a spiking network over G minibatches of B samples, the last ``kept`` of which a gradient may follow.
+SPIKING_PASS = np.dtype(
+    _integers(
+        "sgemm",  # the product
+        "groups",  # G
+        "steps",  # T
+        "samples",  # B
+        "kept",
+        "input_spikes",  # [G, T, B, inputs]
+        "rates",  # of the output population, [G*B, M*P]
+    )
+)
+
+#: The gradient of such a pass, of its last minibatch.
+SPIKING_GRADIENT = np.dtype(
+    _integers(
+        "sgemm",
+        "steps",
+        "samples",
+        "actions",  # M
+        "input_spikes",  # [T, B, inputs]
+        "to_raw",  # the gradient to the raw action, [B, M]
+        "decoder",  # [M, P]
+        "to_strength",  # the gradient to the stimulation strength, [B, inputs]; 0: not wanted
+    )
+)
+
+#: A layer of an ensemble of E multilayer perceptrons.
+MLP_LAYER = np.dtype(
+    _integers(
+        "inputs",
+        "outputs",
+        "weight",  # [E, inputs, outputs]
+        "bias",  # [E, 1, outputs]
+        "to_weight",  # 0: no gradients are wanted
+        "to_bias",
+    )
+)
+
+#: As Numba sees arrays of them.
+SPIKING_LAYERS = from_dtype(SPIKING_LAYER)[::1]
+SPIKING_TRACES = from_dtype(SPIKING_TRACE)[::1]
+NEURONS = from_dtype(NEURON)[::1]
+SPIKING_PASSES = from_dtype(SPIKING_PASS)[::1]
+SPIKING_GRADIENTS = from_dtype(SPIKING_GRADIENT)[::1]
+MLP_LAYERS = from_dtype(MLP_LAYER)[::1]

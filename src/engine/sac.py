@@ -1,0 +1,153 @@
+"""SAC's updates on the engine: those of :class:`src.algorithms.sac.SAC`, without autograd.
+
+What is reordered: between two updates of the actor it is asked twice, at s' for the target and at s for its own update;
+here in one pass over both minibatches.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from src.actors.health import NOTHING_SPIKES, ActorHealth
+from src.actors.mlp_actor import MLPActor
+from src.algorithms import sac
+from src.algorithms.learner import Minibatches
+from src.algorithms.metrics import BurstRecord
+from src.engine import fast, tanh_gaussian
+from src.engine.flat import FlatAdam, FlatParameters
+from src.engine.mlp import BoundMLP
+
+#: From the gradients to mean and log-std, ``[B, M]``, to those of the parameters, filled.
+PullHeads = Callable[[Tensor, Tensor], None]
+
+
+class FastSAC(sac.SAC):
+    """SAC for an actor that the engine serves; arguments as of :class:`src.algorithms.sac.SAC`."""
+
+    backend = "fast"
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        c, actor = self.config, self.policy.actor
+        self._shared_trunk = c.log_std_network == "shared"
+        self._bounds = (c.log_std_min, c.log_std_max, self.policy.action_limit)
+        log_std = list(self.log_std.parameters())
+        together = [*actor.parameters(), *(log_std if self._shared_trunk else [])]
+        self.flat = {
+            "actor": FlatParameters(together),
+            "critic": FlatParameters(self.critic.parameters()),
+            "target_critic": FlatParameters(self.target_critic.parameters()),
+        }
+        rates = {"actor": c.actor_learning_rate, "critic": c.critic_learning_rate}
+        if not self._shared_trunk:
+            self.flat["log_std"] = FlatParameters(log_std)
+            rates["log_std"] = c.log_std_learning_rate
+        self.optimizers = {name: FlatAdam(self.flat[name], rate) for name, rate in rates.items()}
+        gradient_of = self.flat["actor"].gradient_of | self.flat.get("log_std", self.flat["actor"]).gradient_of
+        self._log_std = BoundMLP((self.log_std.network,), False, gradient_of)
+        self._actor = fast.bind(actor, gradient_of)
+        if self._shared_trunk:
+            assert isinstance(actor, MLPActor)  # only it has a trunk (the rules of src.config)
+            self._trunk = BoundMLP((actor.hidden,), True, gradient_of)
+            self._mean = BoundMLP((actor.output,), False, gradient_of)
+        self._critic = BoundMLP((self.critic.networks,), False, self.flat["critic"].gradient_of)
+        self._target_critic = BoundMLP((self.target_critic.networks,), False)
+        self._actor.refresh()
+
+    @torch.no_grad()
+    def raw_action(self, observation: Tensor, generator: torch.Generator | None) -> Tensor:
+        """The actor's output ``[B, M]`` for acting."""
+        return self._actor.act(observation, generator)
+
+    @torch.no_grad()
+    def explore(self, observation: Tensor) -> Tensor:
+        """A sample of the policy, ``[B, M]`` for ``[B, N]``."""
+        noise = torch.randn((len(observation), self.log_std.action_size), generator=self.streams.exploration)
+        if self._shared_trunk:
+            features = self._trunk.forward(observation).squeeze(0)
+            mean, log_std = (head.forward(features).squeeze(0) for head in (self._mean, self._log_std))
+        else:
+            mean = self._actor.act(observation, self.streams.encoder)
+            log_std = self._log_std.forward(observation).squeeze(0)
+        return tanh_gaussian.sample(mean, log_std, noise, self._bounds).action
+
+    @torch.no_grad()
+    def learn(self, burst: Minibatches) -> dict[str, float]:
+        """See :meth:`src.algorithms.sac.SAC.learn`."""
+        for flat in self.flat.values():
+            flat.check()
+        c, record = self.config, BurstRecord()
+        noise = torch.randn((2, *burst.action.shape), generator=self.streams.update_noise)
+        inputs = torch.cat([burst.observation, burst.action], dim=-1)
+        batch = burst.reward.shape[1]
+        to_log_probability = burst.reward.new_full((batch,), 1.0 / batch).mul_(c.alpha)
+        for index, (observation, _, reward, next_observation, terminated) in enumerate(zip(*burst)):
+            both = torch.stack([next_observation, observation])
+            means, log_stds, health, pull = (self._heads if self._shared_trunk else self._networks)(both, index == 0)
+            following = tanh_gaussian.sample(means[0], log_stds[0], noise[0, index], self._bounds)
+            own = tanh_gaussian.sample(means[1], log_stds[1], noise[1, index], self._bounds)
+            next_inputs = torch.cat([next_observation, following.action], dim=-1)
+            next_values = self._target_critic.forward(next_inputs).squeeze(-1)
+            target = sac.bellman_target(reward, terminated, next_values, following.log_probability, c.discount, c.alpha)
+            values, loss = self._critic.squared_error_step(inputs[index], target)
+            self.optimizers["critic"].step()
+            self.critic_updates += 1
+            record.add("critic_loss", loss)
+            record.add_values(values)
+            own_inputs = torch.cat([observation, own.action], dim=-1)
+            values, to_action = self._critic.minimum_input_gradient(
+                own_inputs, observation.shape[1], -1.0 / batch, members=2
+            )
+            record.add_samples(own.log_probability, values)
+            pull(*tanh_gaussian.gradient(own, to_action, to_log_probability, self._bounds))
+            for name in ("actor",) if self._shared_trunk else ("actor", "log_std"):
+                self.optimizers[name].step()
+            self.policy.actor.project()
+            self.actor_updates += 1
+            if health is not None:
+                fast.record_health(record, health, self.policy.actor, self.flat["actor"])
+            self.flat["target_critic"].follow(self.flat["critic"], c.polyak)
+        log_probability, values = record.samples()
+        record.add("actor_loss", sac.actor_loss(log_probability, values, c.alpha))
+        record.add("log_probability", log_probability.mean(-1))
+        self._actor.refresh()
+        return record.means()
+
+    def _networks(
+        self, observation: Tensor, with_health: bool
+    ) -> tuple[Tensor, Tensor, ActorHealth | None, PullHeads]:
+        """Means and log-stds ``[2, B, M]`` by a network each; the last takes the gradients to those of the second."""
+        means, health, pull_mean = self._actor.vjp(observation, self.streams.encoder, with_health)
+        kept = self._log_std.forward_kept(observation.flatten(0, 1))
+        last = kept.last(observation.shape[1])
+
+        def pull(to_mean: Tensor, to_log_std: Tensor) -> None:
+            pull_mean(to_mean)
+            self._log_std.pull(last, to_log_std.unsqueeze(0))
+
+        return means, kept.hidden[-1][0].unflatten(0, observation.shape[:2]), health, pull
+
+    def _heads(self, observation: Tensor, with_health: bool) -> tuple[Tensor, Tensor, ActorHealth | None, PullHeads]:
+        """The same by a head each of the actor's trunk."""
+        batch = observation.shape[1]
+        trunk = self._trunk.forward_kept(observation.flatten(0, 1))
+        mean, log_std = (head.forward_kept(trunk.hidden[-1][0]) for head in (self._mean, self._log_std))
+
+        def pull(to_mean: Tensor, to_log_std: Tensor) -> None:
+            through_mean = self._mean.pull(mean.last(batch), to_mean.unsqueeze(0), to_input=True)
+            through_log_std = self._log_std.pull(log_std.last(batch), to_log_std.unsqueeze(0), to_input=True)
+            assert through_mean is not None and through_log_std is not None
+            self._trunk.pull(trunk.last(batch), torch.add(through_mean, through_log_std).unsqueeze(0))
+
+        health = NOTHING_SPIKES if with_health else None
+        means, log_stds = (kept.hidden[-1][0].unflatten(0, observation.shape[:2]) for kept in (mean, log_std))
+        return means, log_stds, health, pull
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """See :meth:`src.algorithms.learner.Learner.load_state_dict`."""
+        super().load_state_dict(state)
+        self._actor.refresh()

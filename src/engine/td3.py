@@ -1,0 +1,117 @@
+"""TD3's updates on the engine: those of :class:`src.algorithms.td3.TD3`, without autograd.
+
+What is reordered: the targets of the minibatches that the same target networks serve are computed in one pass; noise is
+scaled for the whole burst. What is not: every equation, and each minibatch's own chance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from src.algorithms import td3
+from src.algorithms.learner import Minibatches
+from src.algorithms.metrics import BurstRecord
+from src.engine import fast
+from src.engine.flat import FlatAdam, FlatParameters
+from src.engine.mlp import BoundMLP
+
+
+class FastTD3(td3.TD3):
+    """TD3 for an actor that the engine serves; arguments as of :class:`src.algorithms.td3.TD3`."""
+
+    backend = "fast"
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self.flat = {name: FlatParameters(module.parameters()) for name, module in self.modules.items()}
+        rates = {"actor": self.config.actor_learning_rate, "critic": self.config.critic_learning_rate}
+        self.optimizers = {name: FlatAdam(self.flat[name], rate) for name, rate in rates.items()}
+        self._actor = fast.bind(self.policy.actor, self.flat["actor"].gradient_of)
+        self._target_actor = fast.bind(self.target_policy.actor)
+        self._critic = BoundMLP((self.critic.networks,), False, self.flat["critic"].gradient_of)
+        self._target_critic = BoundMLP((self.target_critic.networks,), False)
+        self._actor.refresh()
+
+    @torch.no_grad()
+    def raw_action(self, observation: Tensor, generator: torch.Generator | None) -> Tensor:
+        """The actor's output ``[B, M]`` for acting."""
+        return self._actor.act(observation, generator)
+
+    @torch.no_grad()
+    def learn(self, burst: Minibatches) -> dict[str, float]:
+        """See :meth:`src.algorithms.td3.TD3.learn`."""
+        for flat in self.flat.values():
+            flat.check()
+        c, record = self.config, BurstRecord()
+        noise = torch.randn(burst.action.shape, generator=self.streams.update_noise)
+        noise = noise.mul_(c.target_noise * self.action_limit)
+        inputs = torch.cat([burst.observation, burst.action], dim=-1)
+        has_moved = False
+        for group in target_groups(self.critic_updates, len(inputs), c.policy_delay):
+            part = slice(group.start, group.stop)
+            targets = self._targets(
+                burst.next_observation[part], noise[part], burst.reward[part], burst.terminated[part]
+            )
+            for index, target in zip(group, targets):
+                moves = td3.moves_actor(self.critic_updates, c.policy_delay)
+                values, loss = self._critic.squared_error_step(inputs[index], target)
+                self.optimizers["critic"].step()
+                self.critic_updates += 1
+                record.add("critic_loss", loss)
+                record.add_values(values)
+                if moves:
+                    self._actor_step(burst.observation[index], record, with_health=not has_moved)
+                    has_moved = True
+        if has_moved:
+            (first_values,) = record.samples()
+            record.add("actor_loss", td3.actor_loss(first_values))
+        self._actor.refresh()
+        return record.means()
+
+    def _targets(self, next_observation: Tensor, noise: Tensor, reward: Tensor, terminated: Tensor) -> Tensor:
+        """Targets ``[G, B]`` of G minibatches at once."""
+        c = self.config
+        action = torch.tanh(self._target_actor.raw(next_observation, self.streams.encoder)) * self.action_limit
+        clip = c.target_noise_clip * self.action_limit
+        next_action = td3.smoothed_target_action(action, noise, clip, self.action_limit)
+        inputs = torch.cat([next_observation.flatten(0, 1), next_action.flatten(0, 1)], dim=-1)
+        next_values = self._target_critic.forward(inputs).squeeze(-1).unflatten(1, reward.shape)
+        return td3.bellman_target(reward, terminated, next_values, c.discount)
+
+    def _actor_step(self, observation: Tensor, record: BurstRecord, with_health: bool) -> None:
+        """One step up the gradient of Q1 at the actor's actions, and the targets' step."""
+        (raw,), health, pull = self._actor.vjp(observation.unsqueeze(0), self.streams.encoder, with_health)
+        squashed = torch.tanh(raw)
+        inputs = torch.cat([observation, squashed * self.action_limit], dim=-1)
+        scale, first = -1.0 / len(inputs), observation.shape[1]
+        first_value, to_action = self._critic.minimum_input_gradient(inputs, first, scale, members=1)
+        record.add_samples(first_value[0])
+        pull(torch.ops.aten.tanh_backward(to_action * self.action_limit, squashed))
+        self.optimizers["actor"].step()
+        self.policy.actor.project()
+        self.actor_updates += 1
+        if health is not None:
+            fast.record_health(record, health, self.policy.actor, self.flat["actor"])
+        self.flat["target_actor"].follow(self.flat["actor"], self.config.polyak)
+        self.flat["target_critic"].follow(self.flat["critic"], self.config.polyak)
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """See :meth:`src.algorithms.learner.Learner.load_state_dict`."""
+        super().load_state_dict(state)
+        self._actor.refresh()
+
+
+def target_groups(first: int, count: int, delay: int) -> Iterator[range]:
+    """The minibatches 0..count-1 of a burst, grouped by the target networks that they see.
+
+    ``first`` is the number of the burst's first update, counted over the run.
+    """
+    start = 0
+    for index in range(count):
+        if td3.moves_actor(first + index, delay) or index == count - 1:
+            yield range(start, index + 1)
+            start = index + 1

@@ -1,0 +1,144 @@
+"""The bound spiking actor against the plain modules: if these fail, what trains is not what is read."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+
+from src.engine.flat import FlatParameters
+from src.engine.spiking import BoundSpikingActor
+from tests.engine.actors import ACTION_SIZE, OBSERVATION_SIZE, actor, autograd, exact
+
+OPTIONS = {
+    "output_topology": {"actor__dendritic__output_topology": True},
+    "branch_bias": {"actor__dendritic__bias": "branch"},
+    "three_branches": {"actor__dendritic__branches": 3},
+    "three_branches_with_biases": {"actor__dendritic__branches": 3, "actor__dendritic__bias": "branch"},
+    "shared_lateral": {"actor__lateral__weights": "shared", "actor__lateral__include_self": True},
+    "detached": {"actor__reset_gradient": False, "actor__lateral_gradient": False},
+    "detached_reset": {"actor__reset_gradient": False},
+    "detached_lateral": {"actor__lateral_gradient": False},
+    "fixed_encoder": {"encoder__learnable": False},
+    "one_step": {"actor__time_steps": 1, "actor__threshold": 0.05},
+    "widths": {"actor__hidden_sizes": [33, 70, 17], "actor__threshold": 0.1},
+    "radius_1": {"actor__lateral__radius": 1},
+    "radius_1_and_self": {"actor__lateral__radius": 1, "actor__lateral__include_self": True},
+    "radius_3": {"actor__lateral__radius": 3},
+    "radius_of_the_layer": {"actor__lateral__radius": 19, "actor__hidden_sizes": [30, 20]},
+    "one_layer": {"actor__hidden_sizes": [64], "actor__output_population": 1},
+}
+
+
+def bind(built):
+    flat = FlatParameters(built.parameters())
+    return BoundSpikingActor(built, flat.gradient_of), flat
+
+
+def draws():
+    return torch.Generator().manual_seed(3)
+
+
+def assert_serves(built, batch):
+    """Values, health and gradients of a pass are the plain modules'."""
+    bound, flat = bind(exact(built))
+    observation = torch.randn(batch, OBSERVATION_SIZE)
+    to_raw = torch.linspace(-1, 1, batch * ACTION_SIZE).view(batch, ACTION_SIZE)
+    expected, expected_health, gradients = autograd(built, observation, to_raw, draws())
+    (raw,), health, pull = bound.vjp(observation.unsqueeze(0), draws(), True)
+    assert torch.equal(raw, expected)
+    assert health == expected_health
+    flat.gradient.fill_(torch.nan)
+    pull(to_raw)
+    for parameter, gradient in gradients.items():
+        found = flat.gradient_of[parameter]
+        torch.testing.assert_close(found, gradient, rtol=1e-4, atol=1e-5 * float(gradient.abs().max()))
+    bound.refresh()
+    assert torch.equal(bound.act(observation, draws()), expected)
+    assert torch.equal(bound.raw(observation.unsqueeze(0), draws())[0], expected)
+    return gradients
+
+
+@pytest.mark.parametrize("encoder", ["poisson", "deterministic"])
+@pytest.mark.parametrize("name", ["popsan", "bptsan_wo_ndt", "bptsan_wo_li", "bptsan"])
+@pytest.mark.parametrize("batch", [1, 10, 100])
+def test_passes_and_gradients_are_the_plain_modules(batch, name, encoder):
+    gradients = assert_serves(actor(name, encoder), batch)
+    assert all(gradient.abs().sum() > 0 for gradient in list(gradients.values())[-2:])
+
+
+@pytest.mark.parametrize("option", OPTIONS)
+def test_every_option_is_served(option):
+    assert_serves(actor("bptsan", **OPTIONS[option]), 7)
+
+
+@pytest.mark.parametrize("encoder", ["poisson", "deterministic"])
+@pytest.mark.parametrize("name", ["popsan", "bptsan"])
+def test_grouping_passes_moves_no_number(name, encoder):
+    """Each minibatch draws its own chance: three at once are three one after the other, in values and gradients."""
+    bound, flat = bind(exact(actor(name, encoder)))
+    observation, to_raw = torch.randn(3, 20, OBSERVATION_SIZE), torch.randn(20, ACTION_SIZE)
+    together, alone = draws(), draws()
+    raw, health, pull = bound.vjp(observation, together, True)
+    raw = raw.clone()
+    pull(to_raw)
+    gradient = flat.gradient.clone()
+    for index in range(2):
+        assert torch.equal(bound.raw(observation[index : index + 1], alone)[0], raw[index])
+    (last,), last_health, pull = bound.vjp(observation[2:], alone, True)
+    assert torch.equal(last, raw[2]) and last_health == health
+    assert torch.equal(together.get_state(), alone.get_state())
+    pull(to_raw)
+    torch.testing.assert_close(flat.gradient, gradient, rtol=1e-4, atol=1e-6)
+
+
+def test_acting_goes_by_the_parameters_of_the_last_refresh():
+    built = exact(actor("bptsan"))
+    bound, _ = bind(built)
+    observation = torch.randn(4, OBSERVATION_SIZE)
+    bound.refresh()
+    before = bound.act(observation, None)
+    with torch.no_grad():
+        built.layers[0].synapse.weight.mul_(-1)
+    assert torch.equal(bound.act(observation, None), before)  # branch weights are expanded once per burst
+    bound.refresh()
+    with torch.no_grad():
+        assert torch.equal(bound.act(observation, None), built(observation))
+    assert not torch.equal(bound.act(observation, None), before)
+
+
+def test_passes_of_other_sizes_do_not_disturb_each_other():
+    bound, flat = bind(exact(actor("bptsan")))
+    one, other = torch.randn(1, 20, OBSERVATION_SIZE), torch.randn(1, 7, OBSERVATION_SIZE)
+    to_raw = torch.randn(20, ACTION_SIZE)
+    _, _, pull = bound.vjp(one, None, False)
+    pull(to_raw)
+    expected = flat.gradient.clone()
+    _, _, pull = bound.vjp(one, None, False)
+    bound.raw(other, None)
+    bound.act(one[0], None)
+    pull(to_raw)
+    assert torch.equal(flat.gradient, expected)
+
+
+def test_strided_observations_and_gradients_are_read_as_they_are():
+    bound, flat = bind(exact(actor("bptsan")))
+    observation, to_raw = torch.randn(OBSERVATION_SIZE, 6), torch.randn(ACTION_SIZE, 6)
+    raw, _, pull = bound.vjp(observation.t().contiguous().unsqueeze(0), None, False)
+    pull(to_raw.t().contiguous())
+    expected, gradient = raw.clone(), flat.gradient.clone()
+    raw, _, pull = bound.vjp(observation.t().unsqueeze(0), None, False)
+    pull(to_raw.t())
+    assert torch.equal(raw, expected) and torch.equal(flat.gradient, gradient)
+
+
+def test_what_would_read_beyond_an_array_is_refused():
+    bound, _ = bind(actor("bptsan"))
+    with pytest.raises(ValueError, match="12 columns, the encoder takes 11"):
+        bound.raw(torch.zeros(1, 2, 12), None)
+    _, _, pull = bound.vjp(torch.zeros(1, 2, OBSERVATION_SIZE), None, False)
+    for wrong in (torch.zeros(3, 3), torch.zeros(2, 3).double()):
+        with pytest.raises(ValueError, match=r"raw action is \[2, 3\], float32"):
+            pull(wrong)
+    poisson, _ = bind(actor("bptsan", "poisson"))
+    with pytest.raises(ValueError, match="generator"):
+        poisson.raw(torch.zeros(1, 2, OBSERVATION_SIZE), None)
