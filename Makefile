@@ -21,7 +21,7 @@ setup: .venv/.ready ## make the environment (.venv) from pinned versions; nothin
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt "torch==2.13.0"
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt ".[dev,slurm]"
 	@rm -rf build *.egg-info
-	$(BIN)/python -m src.compile_kernels
+	$(BIN)/python -m src.engine.compile
 	@touch $@
 
 another-version:

@@ -1,7 +1,7 @@
 """The bits of two bursts of updates, for every algorithm and actor: ``python -m benchmarks.bits``.
 
-A change of structure must not move a number. Run it before and after, on the same machine with the same BLAS, and compare
-the lines; a change that moves them on purpose raises ``ENGINE`` (src/config.py).
+A change of structure must not move a number. Run it before and after, on the same machine with the same BLAS, and
+compare the lines; a change that moves them on purpose raises ``ENGINE`` (in the schema of :mod:`src.config`).
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from itertools import product
 import torch
 
 from benchmarks.configuration import compose
-from src import blas
 from src.algorithms.build import build_learner
 from src.algorithms.learner import Learner, Minibatches
+from src.engine import blas
 from src.streams import Streams
 from src.training.numerics import set_numerics
 

@@ -19,8 +19,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from src.algorithms.td3 import target_groups
 from src.config import ExperimentConfig, SACConfig, SpikingActorConfig
+from src.engine.td3 import target_groups
 
 
 class Product(NamedTuple):

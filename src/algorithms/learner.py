@@ -80,8 +80,12 @@ class Learner(ABC):
     @torch.no_grad()
     def act(self, observation: Tensor, generator: torch.Generator) -> Tensor:
         """The deterministic policy that evaluations play: ``[B, M]`` for ``[B, N]``."""
-        action: Tensor = self.policy(observation, generator)
-        return action
+        return self.policy.squash(self.raw_action(observation, generator))
+
+    def raw_action(self, observation: Tensor, generator: torch.Generator) -> Tensor:
+        """The actor's output ``[B, M]`` for acting, without gradient."""
+        raw: Tensor = self.policy.actor(observation, generator)
+        return raw
 
     def minimise(self, loss: Tensor, *names: str) -> None:
         """One step of the named optimizers by the gradient of the loss to their parameters, and to no others."""

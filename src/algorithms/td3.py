@@ -84,7 +84,7 @@ class TD3(Learner):
     @torch.no_grad()
     def explore(self, observation: Tensor) -> Tensor:
         """``clip(pi(s) + limit * N(0, exploration_noise), -limit, limit)``."""
-        action = self.policy(observation, self.streams.encoder)
+        action = self.act(observation, self.streams.encoder)
         noise = torch.randn(action.shape, generator=self.streams.exploration).to(action)
         scale = self.config.exploration_noise * self.action_limit
         return (action + scale * noise).clamp(-self.action_limit, self.action_limit)

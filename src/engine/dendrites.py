@@ -1,4 +1,4 @@
-"""Dendritic branches: spreading a layer's weights over them, and collecting the gradient (:mod:`src.actors.synapse`)."""
+"""Dendritic branches (:mod:`src.actors.synapse`): a layer's weights spread over them, the gradient collected."""
 
 from __future__ import annotations
 

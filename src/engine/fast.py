@@ -1,60 +1,8 @@
-"""Where the engine meets the learners: whom it serves, and the binding of an actor."""
+"""What :func:`src.algorithms.build.build_learner` takes of the engine: whom it serves, and the fast algorithms."""
 
-from __future__ import annotations
+from src.engine import sac, td3
+from src.engine.binding import refusal
 
-from collections.abc import Mapping
+TD3, SAC = td3.FastTD3, sac.FastSAC
 
-import torch
-from torch import Tensor, nn
-from torch.nn.utils import parametrize
-
-from src.actors.actor import Actor
-from src.actors.health import ActorHealth
-from src.actors.mlp_actor import MLPActor
-from src.actors.spiking_actor import SpikingActor
-from src.algorithms.metrics import BurstRecord
-from src.engine.bound import BoundActor
-from src.engine.flat import FlatParameters
-from src.engine.mlp import BoundMLPActor
-from src.engine.spiking import BoundSpikingActor
-
-
-def refusal(actor: Actor) -> str | None:
-    """Why the engine does not serve an actor; None where it does.
-
-    It serves exactly the AAN and the spiking actor (a subclass may compute something else), in float32 on the CPU, whose
-    parameters are all plain and learn.
-    """
-    if type(actor) not in (MLPActor, SpikingActor):
-        return f"it knows the AAN and the spiking actors of this project, not {type(actor).__name__}"
-    tensors = [*actor.parameters(), *(buffer for buffer in actor.buffers() if buffer.is_floating_point())]
-    if any(tensor.device.type != "cpu" for tensor in tensors):
-        return "it computes on the CPU only"
-    if any(tensor.dtype != torch.float32 for tensor in tensors):
-        return "it computes in float32 only"
-    if any(not p.requires_grad for p in actor.parameters()):
-        return "some of its parameters do not learn"
-    if len(list(actor.parameters())) != len(list(actor.named_parameters(remove_duplicate=False))):
-        return "one of its parameters serves twice"
-    if any(parametrize.is_parametrized(module) for module in actor.modules()):
-        return "some of its parameters are made of others"
-    return None
-
-
-def bind(actor: Actor, gradient_of: Mapping[nn.Parameter, Tensor] | None = None) -> BoundActor:
-    """The actor's passes on the kernels, by its parameters as they lie now.
-
-    Args:
-        actor: one that :func:`refusal` has nothing against.
-        gradient_of: where the gradients of its parameters go; None for one that does not learn.
-    """
-    if isinstance(actor, MLPActor):
-        return BoundMLPActor(actor, gradient_of)
-    assert isinstance(actor, SpikingActor)
-    return BoundSpikingActor(actor, gradient_of)
-
-
-def record_health(record: BurstRecord, health: ActorHealth, actor: Actor, flat: FlatParameters) -> None:
-    """Note the health of a pass with the gradients that came of it."""
-    record.add("actor_gradient_norm", flat.gradient.norm())
-    record.add_health(health, [[flat.gradient_of[p] for p in layer] for layer in actor.layer_parameters()])
+__all__ = ["SAC", "TD3", "refusal"]

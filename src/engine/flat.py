@@ -39,8 +39,8 @@ class FlatParameters:
         """Raise RuntimeError where a parameter no longer lies where it was bound: kernels would write elsewhere."""
         if [p.data_ptr() for p in self.parameters] != self._addresses:
             raise RuntimeError(
-                "a parameter was given other data after the fast engine was bound to it: change values in place, or train "
-                "with backend=plain"
+                "a parameter was given other data after the fast engine was bound to it: change values in place, or "
+                "train with backend=plain"
             )
 
     def follow(self, online: FlatParameters, polyak: float) -> None:

@@ -1,7 +1,7 @@
 """Compiling kernels with Numba: one signature each, on first use, cached on disk.
 
-Numba stamps a cached kernel with the file of its own function only. The cache therefore lies in a folder named by a digest
-of all sources of the engine: a kernel may call what stands in another file, and whoever changes one gets new code.
+Numba stamps a cached kernel with the file of its own function only. The cache therefore lies in a folder named by a
+digest of all sources of the engine: a kernel may call what stands in another file, and a change there gives new code.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numba
 from numba import njit, types
+from numba.core import config as numba_config
 from numba.core.compiler import Compiler
 from numba.extending import intrinsic
 
@@ -23,6 +23,7 @@ FLOAT = 4  # bytes of a float32
 
 #: All kernels by name, for :mod:`src.engine.compile`.
 KERNELS: dict[str, Kernel] = {}
+_settings: Any = numba_config
 
 _OPTIONS: dict[str, Any] = {"nogil": True, "boundscheck": False, "error_model": "numpy"}
 
@@ -40,19 +41,19 @@ class Kernel:
         """Run it; arguments are those of the signature, unchecked but for their types."""
         if self._compiled is None:
             self.compile()
-        assert self._compiled is not None
+            assert self._compiled is not None
         self._compiled(*arguments)
 
     def compile(self) -> None:
         """Compile, or load from the cache. Where no cache can be written, each process compiles anew."""
         with suppress(Exception):  # whatever the cache's trouble is; a mistake in the function raises again below
-            before = numba.config.CACHE_DIR
-            numba.config.CACHE_DIR = str(cache_folder())
+            before = _settings.CACHE_DIR
+            _settings.CACHE_DIR = str(cache_folder())
             try:
                 self._compiled = njit(self._signature, cache=True, **_OPTIONS)(self._function)
                 return
             finally:
-                numba.config.CACHE_DIR = before
+                _settings.CACHE_DIR = before
         self._compiled = njit(self._signature, **_OPTIONS)(self._function)
 
 
@@ -85,7 +86,7 @@ def cache_folder() -> Path:
     for source in sorted(here.glob("*.py")):
         digest.update(source.name.encode())
         digest.update(source.read_bytes())
-    base = Path(numba.config.CACHE_DIR) if numba.config.CACHE_DIR else here / "__pycache__"
+    base = Path(_settings.CACHE_DIR) if _settings.CACHE_DIR else here / "__pycache__"
     return base / f"kernels-{digest.hexdigest()[:16]}"
 
 

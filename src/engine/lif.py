@@ -70,7 +70,8 @@ def scan(  # type: ignore[no-untyped-def]
 
 @inner
 def scan_gradient(  # type: ignore[no-untyped-def]
-    grad, spikes, potentials, largest, lateral, offsets, neuron, grad_currents, grad_branch_bias, grad_bias, grad_lateral,
+    grad, spikes, potentials, largest, lateral, offsets, neuron, grad_currents, grad_branch_bias, grad_bias,
+    grad_lateral,
 ):  # fmt: skip
     """Fill ``grad_currents`` and add to ``grad_branch_bias``, ``grad_bias`` and ``grad_lateral``.
 

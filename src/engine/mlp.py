@@ -72,7 +72,7 @@ class BoundMLP:
         return [x, *outputs]
 
     def pull(self, kept: Kept, to_outputs: Tensor, to_input: bool = False) -> Tensor | None:
-        """Fill the parameters' gradients from that to the outputs ``[E, B, out]``; the input's, ``[B, in]``, if wanted."""
+        """Fill the parameters' gradients from that to the outputs ``[E, B, out]``; that to the input if wanted."""
         if to_outputs.shape != kept.hidden[-1].shape or to_outputs.dtype != torch.float32:
             found = f"{[*to_outputs.shape]}, {to_outputs.dtype}"
             raise ValueError(f"the outputs are {[*kept.hidden[-1].shape]}, float32; the gradient to them {found}")
@@ -91,7 +91,9 @@ class BoundMLP:
         """
         x, target = self._checked(x), target.contiguous()
         if target.shape != x.shape[:1] or target.dtype != torch.float32:
-            raise ValueError(f"the target is {[*target.shape]}, {target.dtype}; for {len(x)} inputs a [{len(x)}], float32")
+            raise ValueError(
+                f"the target is {[*target.shape]}, {target.dtype}; for {len(x)} inputs a [{len(x)}], float32"
+            )
         outputs, loss = x.new_empty(self.ensemble, len(x)), x.new_empty(1)
         addresses = (x.data_ptr(), target.data_ptr(), outputs.data_ptr(), loss.data_ptr())
         mlp_kernels.squared_error_step(blas.sgemm_address(), self.ensemble, len(x), self._layers, *addresses)

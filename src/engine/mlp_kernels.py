@@ -5,7 +5,7 @@
 
 A bias and its ReLU are added to a product, and a gradient is masked and summed over the batch, while it is still in the
 cache. ``layers`` are records of :data:`src.engine.records.MLP_LAYER`, E the networks, B the batch; arrays come as
-addresses, 0 for none: ``hidden[k]`` of ``[E, B, n_k]``, and ``hidden[0]`` of the input ``[B, n_0]``, one for all networks.
+addresses, 0 for none: ``hidden[k]`` of ``[E, B, n_k]``; ``hidden[0]`` of the input ``[B, n_0]``, one for all networks.
 """
 
 from __future__ import annotations

@@ -19,11 +19,13 @@ def fill(row, value):  # type: ignore[no-untyped-def]
     for j in range(row.shape[0]):
         row[j] = value
 
+
 @elementwise
 def copy(target, source):  # type: ignore[no-untyped-def]
     """``target = source``."""
     for j in range(target.shape[0]):
         target[j] = source[j]
+
 
 @elementwise
 def add(target, a):  # type: ignore[no-untyped-def]
@@ -31,11 +33,13 @@ def add(target, a):  # type: ignore[no-untyped-def]
     for j in range(target.shape[0]):
         target[j] = target[j] + a[j]
 
+
 @elementwise
 def add_product(target, a, b):  # type: ignore[no-untyped-def]
     """``target += a b``."""
     for j in range(target.shape[0]):
         target[j] = target[j] + a[j] * b[j]
+
 
 @elementwise
 def add_shifted(target, a, k, b, shift):  # type: ignore[no-untyped-def]
@@ -43,6 +47,7 @@ def add_shifted(target, a, k, b, shift):  # type: ignore[no-untyped-def]
     for i in range(target.shape[0]):
         j = np.uint64(i) + shift  # with signed numbers Numba looks for negative ones, and the loop is not SIMD
         target[i] = target[i] + a[k, j] * b[j]
+
 
 @elementwise
 def add_four_shifted(target, a, k, b, s0, s1, s2, s3):  # type: ignore[no-untyped-def]
@@ -54,6 +59,7 @@ def add_four_shifted(target, a, k, b, s0, s1, s2, s3):  # type: ignore[no-untype
             + a[k + 3, j + s3] * b[j + s3]
         )  # fmt: skip
 
+
 @elementwise
 def add_four_products(t0, t1, t2, t3, a, b0, b1, b2, b3):  # type: ignore[no-untyped-def]
     """``t_k += a b_k``; the b may overlap, since they are only read."""
@@ -64,6 +70,7 @@ def add_four_products(t0, t1, t2, t3, a, b0, b1, b2, b3):  # type: ignore[no-unt
         t2[j] = t2[j] + x * b2[j]
         t3[j] = t3[j] + x * b3[j]
 
+
 @elementwise
 def maxout_first(x, branch, z0, z1):  # type: ignore[no-untyped-def]
     """``x = max(z_0, z_1)``; the first wins ties."""
@@ -71,6 +78,7 @@ def maxout_first(x, branch, z0, z1):  # type: ignore[no-untyped-def]
         first, second = z0[j], z1[j]
         branch[j] = second > first
         x[j] = second if second > first else first
+
 
 @elementwise
 def maxout_next(x, branch, z, index):  # type: ignore[no-untyped-def]
@@ -80,11 +88,13 @@ def maxout_next(x, branch, z, index):  # type: ignore[no-untyped-def]
         branch[j] = index if here > before else winner
         x[j] = here if here > before else before
 
+
 @elementwise
 def current(c, x, bias, decay):  # type: ignore[no-untyped-def]
     """``c = d_c c + (x + bias)``."""
     for j in range(c.shape[0]):
         c[j] = decay * c[j] + (x[j] + bias[j])
+
 
 @elementwise
 def membrane(v, o, c, decay):  # type: ignore[no-untyped-def]
@@ -92,11 +102,13 @@ def membrane(v, o, c, decay):  # type: ignore[no-untyped-def]
     for j in range(v.shape[0]):
         v[j] = decay * v[j] * (ONE - o[j]) + c[j]
 
+
 @elementwise
 def fire(o, v, threshold):  # type: ignore[no-untyped-def]
     """``o = 1[v > v_th]``."""
     for j in range(o.shape[0]):
         o[j] = ONE if v[j] > threshold else ZERO
+
 
 @elementwise
 def membrane_gradient(gv, g, v, o, voltage_decay, threshold, window, reset):  # type: ignore[no-untyped-def]
@@ -106,11 +118,13 @@ def membrane_gradient(gv, g, v, o, voltage_decay, threshold, window, reset):  # 
         through_spike = through_spike if abs(v[j] - threshold) < window else ZERO
         gv[j] = through_spike + voltage_decay * (ONE - o[j]) * gv[j]
 
+
 @elementwise
 def current_gradient(gc, gv, decay):  # type: ignore[no-untyped-def]
     """``grad_c_tau = grad_v_tau + d_c grad_c_(tau+1)``."""
     for j in range(gc.shape[0]):
         gc[j] = gv[j] + decay * gc[j]
+
 
 @elementwise
 def branch_gradient(gz, gc, branch, index):  # type: ignore[no-untyped-def]

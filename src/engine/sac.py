@@ -7,7 +7,7 @@ here in one pass over both minibatches.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 import torch
 from torch import Tensor
@@ -17,7 +17,8 @@ from src.actors.mlp_actor import MLPActor
 from src.algorithms import sac
 from src.algorithms.learner import Minibatches
 from src.algorithms.metrics import BurstRecord
-from src.engine import fast, tanh_gaussian
+from src.engine import tanh_gaussian
+from src.engine.binding import bind, record_health
 from src.engine.flat import FlatAdam, FlatParameters
 from src.engine.mlp import BoundMLP
 
@@ -46,10 +47,10 @@ class FastSAC(sac.SAC):
         if not self._shared_trunk:
             self.flat["log_std"] = FlatParameters(log_std)
             rates["log_std"] = c.log_std_learning_rate
-        self.optimizers = {name: FlatAdam(self.flat[name], rate) for name, rate in rates.items()}
+        self.optimizers = {name: cast(Any, FlatAdam(self.flat[name], rate)) for name, rate in rates.items()}
         gradient_of = self.flat["actor"].gradient_of | self.flat.get("log_std", self.flat["actor"]).gradient_of
         self._log_std = BoundMLP((self.log_std.network,), False, gradient_of)
-        self._actor = fast.bind(actor, gradient_of)
+        self._actor = bind(actor, gradient_of)
         if self._shared_trunk:
             assert isinstance(actor, MLPActor)  # only it has a trunk (the rules of src.config)
             self._trunk = BoundMLP((actor.hidden,), True, gradient_of)
@@ -59,7 +60,7 @@ class FastSAC(sac.SAC):
         self._actor.refresh()
 
     @torch.no_grad()
-    def raw_action(self, observation: Tensor, generator: torch.Generator | None) -> Tensor:
+    def raw_action(self, observation: Tensor, generator: torch.Generator) -> Tensor:
         """The actor's output ``[B, M]`` for acting."""
         return self._actor.act(observation, generator)
 
@@ -109,7 +110,7 @@ class FastSAC(sac.SAC):
             self.policy.actor.project()
             self.actor_updates += 1
             if health is not None:
-                fast.record_health(record, health, self.policy.actor, self.flat["actor"])
+                record_health(record, health, self.policy.actor, self.flat["actor"])
             self.flat["target_critic"].follow(self.flat["critic"], c.polyak)
         log_probability, values = record.samples()
         record.add("actor_loss", sac.actor_loss(log_probability, values, c.alpha))
@@ -117,9 +118,7 @@ class FastSAC(sac.SAC):
         self._actor.refresh()
         return record.means()
 
-    def _networks(
-        self, observation: Tensor, with_health: bool
-    ) -> tuple[Tensor, Tensor, ActorHealth | None, PullHeads]:
+    def _networks(self, observation: Tensor, with_health: bool) -> tuple[Tensor, Tensor, ActorHealth | None, PullHeads]:
         """Means and log-stds ``[2, B, M]`` by a network each; the last takes the gradients to those of the second."""
         means, health, pull_mean = self._actor.vjp(observation, self.streams.encoder, with_health)
         kept = self._log_std.forward_kept(observation.flatten(0, 1))

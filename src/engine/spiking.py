@@ -226,7 +226,7 @@ class Workspace:
         self.gradients["actions"], self.gradients["input_spikes"] = len(decoder.weight), self.spikes[-1].data_ptr()
 
     def last_layers(self) -> list[tuple[Tensor, Tensor]]:
-        """Spikes and membrane potentials ``[T, B, n]`` of each layer in the last minibatch, of a pass that kept them."""
+        """Spikes and potentials ``[T, B, n]`` of each layer in the last minibatch, of a pass that kept them."""
         found = []
         for trace, neurons in zip(self.last_traces, self.neurons):
             parts = []

@@ -7,7 +7,7 @@ scaled for the whole burst. What is not: every equation, and each minibatch's ow
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, cast
 
 import torch
 from torch import Tensor
@@ -15,7 +15,7 @@ from torch import Tensor
 from src.algorithms import td3
 from src.algorithms.learner import Minibatches
 from src.algorithms.metrics import BurstRecord
-from src.engine import fast
+from src.engine.binding import bind, record_health
 from src.engine.flat import FlatAdam, FlatParameters
 from src.engine.mlp import BoundMLP
 
@@ -29,15 +29,15 @@ class FastTD3(td3.TD3):
         super().__init__(*arguments)
         self.flat = {name: FlatParameters(module.parameters()) for name, module in self.modules.items()}
         rates = {"actor": self.config.actor_learning_rate, "critic": self.config.critic_learning_rate}
-        self.optimizers = {name: FlatAdam(self.flat[name], rate) for name, rate in rates.items()}
-        self._actor = fast.bind(self.policy.actor, self.flat["actor"].gradient_of)
-        self._target_actor = fast.bind(self.target_policy.actor)
+        self.optimizers = {name: cast(Any, FlatAdam(self.flat[name], rate)) for name, rate in rates.items()}
+        self._actor = bind(self.policy.actor, self.flat["actor"].gradient_of)
+        self._target_actor = bind(self.target_policy.actor)
         self._critic = BoundMLP((self.critic.networks,), False, self.flat["critic"].gradient_of)
         self._target_critic = BoundMLP((self.target_critic.networks,), False)
         self._actor.refresh()
 
     @torch.no_grad()
-    def raw_action(self, observation: Tensor, generator: torch.Generator | None) -> Tensor:
+    def raw_action(self, observation: Tensor, generator: torch.Generator) -> Tensor:
         """The actor's output ``[B, M]`` for acting."""
         return self._actor.act(observation, generator)
 
@@ -95,7 +95,7 @@ class FastTD3(td3.TD3):
         self.policy.actor.project()
         self.actor_updates += 1
         if health is not None:
-            fast.record_health(record, health, self.policy.actor, self.flat["actor"])
+            record_health(record, health, self.policy.actor, self.flat["actor"])
         self.flat["target_actor"].follow(self.flat["actor"], self.config.polyak)
         self.flat["target_critic"].follow(self.flat["critic"], self.config.polyak)
 

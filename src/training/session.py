@@ -12,11 +12,11 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from src import blas
 from src.algorithms.build import build_learner
 from src.algorithms.learner import Minibatches
 from src.algorithms.metrics import METRICS, Diverged, IntervalMeans, health_columns
 from src.config import ConfigurationError, ExperimentConfig
+from src.engine import blas
 from src.experiment.outcome import Outcome
 from src.experiment.progress import Progress
 from src.experiment.run_directory import REPLAY_FILE, RunDirectory

@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 
 from src.actors.spiking_actor import SpikingActor
-from src.engine.fast import refusal
+from src.engine.binding import refusal
 from tests.engine.actors import actor
 
 

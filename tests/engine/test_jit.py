@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numba import float32, void
 
@@ -13,7 +12,7 @@ def test_the_cache_folder_goes_by_every_source_of_the_engine(tmp_path, monkeypat
     (tmp_path / "one.py").write_text("a = 1\n")
     (tmp_path / "other.py").write_text("b = 1\n")
     monkeypatch.setattr(jit, "__file__", str(tmp_path / "jit.py"))
-    monkeypatch.setattr(numba.config, "CACHE_DIR", "")
+    monkeypatch.setattr(jit._settings, "CACHE_DIR", "")
     folder = jit.cache_folder.__wrapped__
     before = folder()
     assert before.parent == tmp_path / "__pycache__" and folder() == before
@@ -22,7 +21,7 @@ def test_the_cache_folder_goes_by_every_source_of_the_engine(tmp_path, monkeypat
 
 
 def test_numbas_own_setting_says_where_the_cache_lies(tmp_path, monkeypatch):
-    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.setattr(jit._settings, "CACHE_DIR", str(tmp_path / "cache"))
     assert jit.cache_folder.__wrapped__().parent == tmp_path / "cache"
 
 

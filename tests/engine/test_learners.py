@@ -57,7 +57,9 @@ def test_bursts_leave_what_the_plain_learner_leaves(algo, actor, encoder):
     assert (fast.critic_updates, fast.actor_updates) == (plain.critic_updates, plain.actor_updates)
     for name, module in plain.modules.items():
         for (key, ours), theirs in zip(fast.modules[name].named_parameters(), module.parameters(), strict=True):
-            torch.testing.assert_close(ours, theirs, rtol=0, atol=5e-5, msg=lambda text, key=key: f"{name}.{key}: {text}")
+            torch.testing.assert_close(
+                ours, theirs, rtol=0, atol=5e-5, msg=lambda text, name=name, key=key: f"{name}.{key}: {text}"
+            )
     for name in plain.optimizers:
         for ours, theirs in zip(moments(fast, name), moments(plain, name), strict=True):
             torch.testing.assert_close(ours, theirs, rtol=1e-2, atol=1e-3 * float(theirs.abs().max()) + 1e-9)

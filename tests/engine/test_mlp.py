@@ -86,7 +86,7 @@ def test_nan_propagates(member):
 
 
 def test_the_last_rows_alone_are_a_minibatch_of_their_own():
-    network, bound, flat = bind([6, 33, 3], 1)
+    _, bound, flat = bind([6, 33, 3], 1)
     x, to_outputs = torch.randn(20, 6), torch.randn(1, 8, 3)
     bound.pull(bound.forward_kept(x).last(8), to_outputs)
     found = flat.gradient.clone()
