@@ -1,4 +1,4 @@
-"""The floor of an update: the matrix products that it can't avoid, and nothing else.
+"""The floor of an update: the matrix products that it can't avoid, and nothing else, by the best BLAS of the machine.
 
 Shapes are those of the networks, forward and backward, with every operand allocated beforehand:
 
@@ -12,14 +12,20 @@ because both spike codings are linear in time for the gradient.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
+import numpy as np
 import torch
+from numba import int64, void
 from torch import Tensor
 
 from src.config import ExperimentConfig, SACConfig, SpikingActorConfig
+from src.engine import blas
+from src.engine.jit import kernel
+from src.engine.product import multiply
 from src.engine.td3 import target_groups
 
 
@@ -125,7 +131,54 @@ def products_of_a_burst(config: ExperimentConfig, observation_size: int, action_
     return burst
 
 
-def run(products: list[Product]) -> None:
-    """Compute them."""
-    for left, right, out in products:
-        torch.mm(left, right, out=out)
+class Floor:
+    """Products to be run by a BLAS library, called as the engine calls it: one after the other, nothing between them.
+
+    Args:
+        products: they are kept, their operands stay where they are.
+    """
+
+    def __init__(self, products: list[Product]) -> None:
+        self.flops = sum(product.flops for product in products)
+        self._products = products
+        self._table = np.array([_call(product) for product in products], np.int64)
+
+    def run(self, library: str) -> None:
+        """Compute all of them once by the library ``mkl`` or ``openblas``."""
+        address = blas.address(library)
+        assert address is not None
+        _multiply_all(address, self._table)
+
+    def best_library(self) -> str:
+        """The fastest library of this machine, by the best of three runs each."""
+
+        def fastest(library: str) -> float:
+            times = []
+            for _ in range(3):
+                started = time.perf_counter()
+                self.run(library)
+                times.append(time.perf_counter() - started)
+            return min(times)
+
+        return min((name for name in ("mkl", "openblas") if blas.address(name) is not None), key=fastest)
+
+
+def _call(product: Product) -> tuple[int, ...]:
+    """n, m, k, and of each operand its address and row length; of a factor also whether it is stored transposed."""
+    left, right, out = product
+    (n, k), m = left.shape, right.shape[1]
+    return n, m, k, *_factor(left), *_factor(right), out.data_ptr(), out.stride(0)
+
+
+def _factor(matrix: Tensor) -> tuple[int, int, int]:
+    transposed = matrix.stride(1) != 1 and matrix.stride(0) == 1
+    return matrix.data_ptr(), matrix.stride(1) if transposed else matrix.stride(0), int(transposed)
+
+
+@kernel(void(int64, int64[:, ::1]))
+def _multiply_all(sgemm, table):  # type: ignore[no-untyped-def]
+    for row in table:
+        n, m, k, a, lda, a_transposed, b, ldb, b_transposed, c, ldc = (
+            row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9], row[10],
+        )  # fmt: skip
+        multiply(sgemm, n, m, k, a, lda, a_transposed > 0, b, ldb, b_transposed > 0, c, ldc, np.float32(0))

@@ -56,9 +56,9 @@ def select(choice: Choice = "auto", recorded: str | None = None) -> Library:
         BLASUnavailableError: there is no such library here.
     """
     wanted = preferred() if choice == "auto" else choice
-    if choice == "auto" and recorded in ("mkl", "openblas") and _address(recorded) is not None:
+    if choice == "auto" and recorded in ("mkl", "openblas") and address(recorded) is not None:
         wanted = recorded
-    if _address(wanted) is None:
+    if address(wanted) is None:
         raise BLASUnavailableError(
             "blas=mkl: PyTorch has no MKL here (it comes with PyTorch on Linux on x86); use blas=auto or openblas."
         )
@@ -68,7 +68,7 @@ def select(choice: Choice = "auto", recorded: str | None = None) -> Library:
 
 def preferred() -> str:
     """The library by the rule on the processor."""
-    return "mkl" if _is_intel() and _address("mkl") is not None else "openblas"
+    return "mkl" if _is_intel() and address("mkl") is not None else "openblas"
 
 
 def library() -> Library:
@@ -78,7 +78,7 @@ def library() -> Library:
 
 def sgemm_address() -> int:
     """Where the product of the selected library lies; an argument of the kernels."""
-    found = _address(_name())
+    found = address(_name())
     assert found is not None  # select() has seen to it
     return found
 
@@ -101,7 +101,8 @@ def _name() -> str:
 
 
 @cache
-def _address(name: str) -> int | None:
+def address(name: str) -> int | None:
+    """Where the product of a library (``mkl`` or ``openblas``) lies; None where it is not here."""
     if name == "openblas":
         return int(get_cython_function_address("scipy.linalg.cython_blas", "sgemm"))
     path = Path(torch.__file__).parent / "lib" / "libtorch_cpu.so"

@@ -96,7 +96,13 @@ def test_the_floors_operations_are_those_counted_by_hand() -> None:
     )
     products = floor.products_of_a_burst(config, 3, 1)
     assert sum(p.flops for p in products) == 2 * critic_step + actor_step  # an actor's step in every second update
-    floor.run(products)
+    run = floor.Floor(products)
+    assert run.flops == 2 * critic_step + actor_step
+    for product in products:
+        product.out.fill_(torch.nan)
+    run.run(run.best_library())
+    for product in products[-4:]:  # each as its operands say, transposed or not
+        torch.testing.assert_close(product.out, product.left @ product.right, rtol=1e-4, atol=1e-4)
 
 
 def test_a_spiking_layer_multiplies_every_time_step_and_branch() -> None:

@@ -9,7 +9,7 @@ from src.engine.flat import FlatParameters
 from src.engine.mlp import BoundMLP
 from src.streams import Streams
 
-HAS_MKL = blas._address("mkl") is not None
+HAS_MKL = blas.address("mkl") is not None
 
 
 def bind(sizes):
@@ -42,14 +42,14 @@ def test_the_rule_goes_by_the_processor(monkeypatch, intel, has_mkl, expected):
     """MKL takes its slower path on other processors than Intel's: half of the machine would be left unused."""
     found = {"openblas": 1, "mkl": 2 if has_mkl else None}
     monkeypatch.setattr(blas, "_is_intel", lambda: intel)
-    monkeypatch.setattr(blas, "_address", found.get)
+    monkeypatch.setattr(blas, "address", found.get)
     assert blas.select("auto").name in (expected, "openblas")
     assert blas.sgemm_address() == found[expected]
 
 
 def test_a_resume_keeps_the_library_that_the_run_began_with(monkeypatch):
     monkeypatch.setattr(blas, "_is_intel", lambda: False)
-    monkeypatch.setattr(blas, "_address", {"openblas": 1, "mkl": 2}.get)
+    monkeypatch.setattr(blas, "address", {"openblas": 1, "mkl": 2}.get)
     blas.select("auto", recorded="mkl")
     assert blas.sgemm_address() == 2
     blas.select("openblas", recorded="mkl")  # what the command line asks for wins
@@ -57,7 +57,7 @@ def test_a_resume_keeps_the_library_that_the_run_began_with(monkeypatch):
 
 
 def test_a_resume_where_its_library_is_gone_takes_the_other(monkeypatch):
-    monkeypatch.setattr(blas, "_address", {"openblas": 1, "mkl": None}.get)
+    monkeypatch.setattr(blas, "address", {"openblas": 1, "mkl": None}.get)
     blas.select("auto", recorded="mkl")
     assert blas.sgemm_address() == 1
     with pytest.raises(blas.BLASUnavailableError, match="blas=mkl: PyTorch has no MKL here"):
