@@ -23,19 +23,19 @@ def protocol() -> dict[str, Any]:
 
 
 def overview(study: Study) -> dict[str, str]:
-    """Sentences for the first screen: the verdicts' ``title``; ``status``, ``caution``, ``settings``, which may be "
-    "empty.
+    """Sentences for the first screen: the ``title`` of the claims; ``status``, ``caution``, ``settings``, which may be
+    empty.
     """
     lengths = sorted({int(steps) for steps in study.runs["training_steps"]})
     steps = int(protocol()["steps"])
     whole = not lengths or lengths == [steps]
     shown = " or ".join(f"{length:,}" for length in lengths)
     caution = (
-        f"The paper's claims are about {steps:,} steps. Runs of {shown} steps say nothing about them there: read every "
-        f"verdict as one at {shown} steps."
+        f"Runs of {shown} steps: the paper's claims are about {steps:,}, and nothing here speaks about them at that "
+        "length."
     )
     return {
-        "title": "Verdicts on the paper's claims" if whole else f"Verdicts at {shown} steps",
+        "title": "The paper's claims" if whole else f"The claims at {shown} steps",
         "status": " ".join(_status(study, algo) for algo in ordered_algorithms(study.runs["algo"])),
         "caution": "" if whole else caution,
         "settings": _settings(study),

@@ -14,6 +14,7 @@ from analysis.data.errors import UnreadableRunError
 from analysis.data.flatten import flatten
 from analysis.data.folders import check_study, run_directories
 from analysis.data.mixed import Refused, without_mixed
+from analysis.data.operations import COLUMNS as OPERATION_COLUMNS
 from analysis.data.outcome import Judged, Outcome, counts, judge
 from analysis.data.reading import Run, read_run
 from analysis.data.training_steps import due
@@ -66,6 +67,7 @@ class Study:
         hashed_keys: the keys of it that change numbers, by the same key, where the manifests list them.
         refused: cells that mix configurations; none of their runs stands in the frames.
         warnings: what a reader has to know, sentences.
+        operations: one row per run that has an ``operations.json``, ``KEYS`` and the totals of a decision.
     """
 
     name: str
@@ -76,6 +78,7 @@ class Study:
     hashed_keys: dict[str, list[str]] = field(default_factory=dict)
     refused: list[Refused] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
+    operations: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=[*KEYS, *OPERATION_COLUMNS]))
 
     @property
     def counted(self) -> pd.DataFrame:
@@ -122,6 +125,7 @@ def _assemble(name: str, judged: list[Judged], refused: list[Refused], warnings:
         evaluations=_concat([_with_carried(one).assign(**_keys(one.run)) for one in judged], EVALUATION_COLUMNS),
         training=_training(judged),
         refused=refused,
+        operations=_operations(judged),
     )
     for cell in refused:
         seeds = ", ".join(map(str, cell.seeds))
@@ -181,6 +185,11 @@ def _training(judged: list[Judged]) -> pd.DataFrame:
     frames = [one.run.training.assign(**_keys(one.run)) for one in judged]
     columns = dict.fromkeys(column for frame in frames for column in frame.columns if column not in KEYS)
     return _concat(frames, [*KEYS, *dict.fromkeys(["step", *columns])])
+
+
+def _operations(judged: list[Judged]) -> pd.DataFrame:
+    rows = [_keys(one.run) | one.run.operations.totals() for one in judged if one.run.operations]
+    return pd.DataFrame(rows, columns=[*KEYS, *OPERATION_COLUMNS])
 
 
 def _concat(frames: list[pd.DataFrame], columns: list[str]) -> pd.DataFrame:

@@ -16,12 +16,10 @@ MOST = 5
 
 
 def notes(study: Study, cells: list[Cell], claims: Claims) -> list[str]:
-    """About runs that did not finish, then about tasks, learning rates, variants."""
+    """About runs that did not finish, then about tasks and variants."""
     found = [note for cell in cells for note in _not_finished(study, cell)]
     for algo, env in dict.fromkeys((cell.algo, cell.env) for cell in cells):
         found += _of_task(study, cells, algo, env, claims)
-    for algo in dict.fromkeys(cell.algo for cell in cells):
-        found += _learning_rates(study, [cell for cell in cells if cell.algo == algo and cell.paper], algo)
     variants = sorted({actor_name(cell.arm) for cell in cells if not cell.paper})
     if variants:
         found.append(f"Variants, which enter no claim of the paper: {', '.join(variants)}.")
@@ -77,15 +75,3 @@ def _of_task(study: Study, every: list[Cell], algo: str, env: str, claims: Claim
     if scale(every, algo, env) is None:
         found.append(f"{name}: no reference score, so it has no part in what is computed over tasks.")
     return found
-
-
-def _learning_rates(study: Study, paper: list[Cell], algo: str) -> list[str]:
-    """The published comparison's confound, where both sides of it are in the study."""
-    rates = {c.arm: study.configurations[f"{c.algo}/{c.env}/{c.arm}"]["algo"].get("actor_learning_rate") for c in paper}
-    if "aan" not in rates or len(set(rates.values())) < 2:
-        return []
-    shown = ", ".join(f"{actor_name(arm)} {rate:g}" for arm, rate in rates.items() if rate is not None)
-    return [
-        f"{algorithm_name(algo)}: actor learning rates differ ({shown}), as in the published comparison; it is a "
-        f"confound."
-    ]

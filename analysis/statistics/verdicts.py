@@ -10,7 +10,6 @@ from typing import Any
 
 import pandas as pd
 
-from analysis.bootstrap import FEW_SEEDS
 from analysis.claims_file import Family
 from analysis.data.names import algorithm_name, task_name
 from analysis.improvement import SEPARATED
@@ -44,7 +43,7 @@ def claims_table(judgement: Judgement, title: str) -> Table:
         ("remark", "Remark", text),
     ]
     caption = (
-        f"{wording.headline(judgement)} Effect: pooled over the tasks, in normalised points (100: the AAN reference), "
+        "Effect: pooled over the tasks, in normalised points (100: the AAN reference), "
         "with its unadjusted 95% interval. n: the least number of seeds in an arm. Seeds: per arm, to detect the "
         f"smallest relevant effect with {judgement.rule.power:.0%} power at the spread seen."
     )
@@ -156,7 +155,7 @@ def tasks_table(judgement: Judgement) -> Table:
     caption = (
         f"Differences of final performance with Welch's interval. {gate} Intervals and Hedges' g are not adjusted for "
         "the number of rows. Synergy is the interaction (both − dendrites alone) − (lateral alone − neither); "
-        f"P(improvement) is not defined for it, elsewhere its interval is a bootstrap's. {FEW_SEEDS} "
+        f"P(improvement) is not defined for it, elsewhere its interval is a bootstrap's. "
         f"{SEPARATED}{hidden}"
     )
     why = wording.exclusions(task for _, task in pairs)
