@@ -1,32 +1,51 @@
-"""Play a trained policy again, on fresh episodes: ``python -m src.evaluate RUN --episodes 10``."""
+"""Play a trained policy again, on fresh episodes: ``python -m src.evaluate RUN --episodes 10``.
+
+Relative paths lie in the repository, whatever the working directory.
+"""
 
 from __future__ import annotations
 
 import argparse
 import csv
+import os
 import sys
 from dataclasses import replace
 from pathlib import Path
 
 from src.config import ConfigurationError
-from src.experiment import threads
+from src.experiment import process
+from src.experiment.machine import repository_path
 
 
 def parse() -> argparse.Namespace:
     """The command line."""
     parser = argparse.ArgumentParser(prog="python -m src.evaluate", description=__doc__)
-    parser.add_argument("run", type=Path, help="a run directory, or its policy.pt")
+    parser.add_argument("run", type=repository_path, help="a run directory, or its policy.pt")
     parser.add_argument("--episodes", type=int, default=10, help="episodes to play (default: 10)")
     parser.add_argument(
         "--seed", type=int, default=0, help="seed of the episodes; another one gives others (default: 0)"
     )
-    parser.add_argument("--csv", type=Path, help="write episode,return,length here too")
+    parser.add_argument("--csv", type=repository_path, help="write episode,return,length here too")
     arguments = parser.parse_args()
     if arguments.episodes < 1:
         parser.error(f"--episodes: should be at least 1, found {arguments.episodes}")
     if arguments.seed < 0:
         parser.error(f"--seed: should be at least 0, found {arguments.seed}")
     return arguments
+
+
+def check_csv(path: Path) -> None:
+    """Look at the place of the table before episodes are played; nothing is written.
+
+    Raises:
+        ConfigurationError: no file can be written there.
+    """
+    if path.is_dir():
+        raise ConfigurationError(f"--csv: {path} is a folder; name a file.")
+    if not path.parent.is_dir():
+        raise ConfigurationError(f"--csv: there is no folder {path.parent}; make it, or choose another place.")
+    if not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise ConfigurationError(f"--csv: {path} can't be written; choose another place.")
 
 
 def policy_path(run: Path) -> Path:
@@ -40,7 +59,7 @@ def policy_path(run: Path) -> Path:
         path = run / "state" / "policy.pt"
     if not path.is_file():
         raise ConfigurationError(
-            f"{run}: no trained policy (policy.pt) is there. A run leaves it when it completes: train the cell first, "
+            f"{run}: no trained policy (policy.pt) is there. A run leaves it when it completes: train it first, "
             "or name the policy file."
         )
     return path
@@ -48,7 +67,7 @@ def policy_path(run: Path) -> Path:
 
 def play(path: Path, episodes: int, seed: int) -> list[tuple[float, int]]:
     """``(return, length)`` per episode. The episodes differ from all those of the run's own evaluations."""
-    threads.set_before_torch(1)
+    process.set_threads_before_torch(1)
     from src.streams import Streams
     from src.training.evaluation import Evaluator
     from src.training.numerics import set_numerics
@@ -69,6 +88,8 @@ def main() -> int:
 
     arguments = parse()
     try:
+        if arguments.csv:
+            check_csv(arguments.csv)
         path = policy_path(arguments.run)
         results = play(path, arguments.episodes, arguments.seed)
     except (ConfigurationError, RuntimeError, OSError) as error:

@@ -3,7 +3,7 @@
 import re
 
 from src.compile_kernels import main
-from tests.experiment.cells import ROOT
+from tests.experiment.runs import ROOT
 
 
 def test_every_kernel_is_compiled(capsys) -> None:

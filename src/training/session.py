@@ -17,9 +17,9 @@ from src.algorithms.build import build_learner
 from src.algorithms.learner import Minibatches
 from src.algorithms.metrics import METRICS, Diverged, IntervalMeans, health_columns
 from src.config import ConfigurationError, ExperimentConfig
-from src.experiment.outcome import Outcome
 from src.experiment.progress import Progress
-from src.experiment.run_directory import REPLAY_FILE, RunDirectory
+from src.experiment.run_directory import REPLAY_FILE, RunDirectory, RunState
+from src.experiment.state import Outcome
 from src.streams import Streams
 from src.training.checkpoint import CheckpointFolder, CorruptCheckpoint
 from src.training.collection import make_collector, transitions
@@ -145,15 +145,15 @@ class TrainingSession:
                     self.save()
                 self.progress.update(self.step, self.last_return, self._steps_per_second())
                 if stop and self.step < p.total_steps:
-                    return Outcome("interrupted", self.step, f"checkpoint written at step {self.step}")
+                    return Outcome(RunState.INTERRUPTED, self.step, f"checkpoint written at step {self.step}")
         except Diverged as error:
-            return Outcome("diverged", self.step, f"{error} at step {self.step}")
+            return Outcome(RunState.DIVERGED, self.step, f"{error} at step {self.step}")
         finally:
             logger.close()
             collector.shutdown()
         assert self.last_return is not None  # step 0 was evaluated
         self._save_policy(POLICY_FILE, Standing(self.step, self.last_return))
-        return Outcome("complete", self.step, "")
+        return Outcome(RunState.COMPLETE, self.step, "")
 
     def _act_in_training(self, observation: Tensor) -> Tensor:
         """Action ``[M]`` for the raw observation ``[N]``: uniform at first, then exploring."""

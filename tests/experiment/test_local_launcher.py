@@ -90,17 +90,16 @@ def test_a_grid_without_torch_and_with_another_working_directory(tmp_path):
 
 def test_a_kill_before_the_run_has_begun_is_recorded_too(tmp_path, monkeypatch):
     """An import that is killed leaves no manifest: the launcher writes it."""
-    from src.experiment.plan import make_plan
-    from src.experiment.pool import record_death
-    from tests.experiment.cells import smoke
+    from src.experiment.ownership import record_death
+    from tests.experiment.runs import smoke
 
-    cell = make_plan([smoke(tmp_path)]).cells[0]
-    cell.run.state.mkdir(parents=True)
-    record_death(cell, "killed by SIGKILL (out of memory?)")
+    run = smoke(tmp_path)
+    (run.path / "state").mkdir(parents=True)
+    record_death(run, "killed by SIGKILL (out of memory?)")
     assert manifest(tmp_path)["status"] == "failed"
 
 
 def test_threads_are_set_in_the_environment_of_the_job():
-    from src.experiment.threads import environment
+    from src.experiment.process import thread_environment
 
-    assert environment(3)["OMP_NUM_THREADS"] == "3"
+    assert thread_environment(3)["OMP_NUM_THREADS"] == "3"

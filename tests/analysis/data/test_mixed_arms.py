@@ -87,11 +87,11 @@ def test_another_actors_name_is_named_as_the_difference(tmp_path):
 
 def test_the_rule_for_old_manifests_is_the_one_that_the_training_code_hashes_by():
     from analysis.data.flatten import NOT_HASHED, flatten
-    from src.experiment.hashing import numbers
+    from src.experiment.identity import hashed_values
 
     config = configuration("sac", "ant", "bptsan")
     kept = {key for key in flatten(config) if not {key, key.partition(".")[0]} & NOT_HASHED}
-    assert kept == numbers(config).keys()
+    assert kept == hashed_values(config).keys()
 
 
 def test_copied_seeds_are_noted(tmp_path):
