@@ -56,8 +56,11 @@ def _statistics(options: argparse.Namespace) -> None:
 
 
 def _render(options: argparse.Namespace) -> None:
+    from analysis.data.folders import check_study
     from analysis.render import render
 
+    if not (options.study / "collected").is_dir():
+        check_study(options.study)
     print(render(options.study))
 
 

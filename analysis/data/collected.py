@@ -66,7 +66,7 @@ def load(folder: Path) -> Study:
         )
     except InputError:
         raise
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         check_study(folder)
         raise InputError(f"{folder} has not been collected: {again} first.") from None
     except (OSError, ValueError, TypeError, KeyError) as error:

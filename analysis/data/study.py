@@ -13,7 +13,8 @@ from analysis.data.arms import arm_of
 from analysis.data.errors import UnreadableRunError
 from analysis.data.flatten import flatten
 from analysis.data.folders import check_study, run_directories
-from analysis.data.mixed import Refused, without_mixed
+from analysis.data.mixed import Refused, edited, without_mixed
+from analysis.data.names import ACTORS, LONGEST, on_one_line, printable
 from analysis.data.operations import COLUMNS as OPERATION_COLUMNS
 from analysis.data.outcome import Judged, Outcome, counts, judge
 from analysis.data.reading import Run, read_run
@@ -52,6 +53,8 @@ RUN_COLUMNS = [
     "versions",
 ]
 EVALUATION_COLUMNS = [*KEYS, "step", "return", "length", "counts_as", "carried"]
+
+LONGEST_WARNING = 2_000
 
 
 @dataclass
@@ -139,8 +142,20 @@ def _assemble(name: str, judged: list[Judged], refused: list[Refused], warnings:
             study.hashed_keys.setdefault(key, manifest.hashed_keys)
         study.warnings += [f"runs/{one.run.path}: {warning}." for warning in (*one.run.warnings, *one.warnings)]
         study.warnings += [f"runs/{one.run.path}, from its manifest: {note}" for note in manifest.notes]
+    study.warnings += [
+        f"{arm} is printed as {printable(arm)}: figures have no room for {len(arm)} characters."
+        for arm in study.runs["arm"].unique()
+        if arm not in ACTORS and len(arm) > LONGEST
+    ]
+    study.warnings += edited([one.run for one in judged])
     study.warnings += _copies(study.evaluations)
+    study.warnings = [_sentence(warning) for warning in study.warnings]
     return study
+
+
+def _sentence(warning: str) -> str:
+    line = on_one_line(warning)
+    return line if len(line) <= LONGEST_WARNING else f"{line[:LONGEST_WARNING]}…"
 
 
 def _keys(run: Run) -> dict[str, Any]:
@@ -160,7 +175,7 @@ def _row(judged: Judged) -> dict[str, Any]:
         "counts_as": judged.outcome.value,
         "training_steps": judged.training_steps,
         "evaluations": len(judged.evaluations),
-        "failure": str(manifest.failure) if manifest.failure else None,
+        "failure": on_one_line(str(manifest.failure)) if manifest.failure else None,
         "path": run.path,
         "changed_keys": json.dumps(manifest.changed_keys, sort_keys=True),
         "versions": json.dumps(manifest.versions, sort_keys=True),
