@@ -14,7 +14,8 @@ from analysis.data.errors import UnreadableRunError
 from analysis.data.files import read_text
 
 _MEGABYTES = 4
-_Count = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+_Count = Annotated[float, Field(ge=0, le=1e18)]
+_Whole = Annotated[int, Field(ge=0, le=10**18)]
 _Share = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
 #: Columns of a study's frame of operations, after those that name the run.
 COLUMNS = [
@@ -43,23 +44,23 @@ class Layer(BaseModel):
     kind: Literal["MAC", "AC"]
     dense: _Count
     effective: _Count
-    weights: Annotated[int, Field(ge=0)]
-    zero_weights: Annotated[int, Field(ge=0)]
+    weights: _Whole
+    zero_weights: _Whole
 
 
 class Operations(BaseModel):
     """The whole file."""
 
     model_config = ConfigDict(extra="forbid")
-    decisions: Annotated[int, Field(ge=1)]
-    episodes: Annotated[int, Field(ge=1)]
+    decisions: Annotated[int, Field(ge=1, le=10**18)]
+    episodes: Annotated[int, Field(ge=1, le=10**18)]
     layers: list[Layer]
     neuron_updates: _Count
-    neurons: Annotated[int, Field(ge=0)]
+    neurons: _Whole
     encoder_exponentials: _Count
     random_numbers: _Count
     activation_sparsity: _Share
-    footprint_bytes: Annotated[int, Field(ge=0)]
+    footprint_bytes: _Whole
 
     def totals(self) -> dict[str, Any]:
         """One row of the frame, columns ``COLUMNS``."""

@@ -216,10 +216,9 @@ def test_non_finite_values_up_to_the_end_are_divergence_from_the_last_finite_one
     assert cell.diverged.tolist() == [True] and cell.final.tolist() == [8.0]
 
 
-def test_files_that_later_versions_write_into_a_run_change_nothing(tmp_path):
+def test_files_of_a_run_that_hold_no_returns_change_none(tmp_path):
     run = write_run(tmp_path / "s")
     before = read_study(tmp_path / "s")
-    (run / "operations.json").write_text("{")
     (run / "robustness.csv").write_text("step,return\n1")
     for name in ("policy.pt", "policy_best.pt"):
         (run / name).write_bytes(b"\0")
@@ -229,6 +228,19 @@ def test_files_that_later_versions_write_into_a_run_change_nothing(tmp_path):
     after = read_study(tmp_path / "s")
     assert after.warnings == before.warnings == []
     assert after.runs.equals(before.runs) and after.evaluations.equals(before.evaluations)
+
+
+@pytest.mark.parametrize("damage", ["a word", "a folder", "a number beyond all machines"])
+def test_damaged_operations_cost_the_operations(tmp_path, damage):
+    run = write_run(tmp_path / "s")
+    if damage == "a folder":
+        (run / "operations.json").mkdir()
+    else:
+        text = "{" if damage == "a word" else json.dumps({"decisions": 10**30})
+        (run / "operations.json").write_text(text)
+    study = read_study(tmp_path / "s")
+    (note,) = study.warnings
+    assert "its operations were left out" in note and study.runs["counts_as"].tolist() == ["finished"]
 
 
 def test_a_link_inside_the_study_is_no_second_arm_and_is_said(tmp_path):
