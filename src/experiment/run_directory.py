@@ -35,6 +35,7 @@ FILES = (
     "failure.txt",
     "policy.pt",
     "policy_best.pt",
+    "operations.json",
 )
 FORMAT = 1
 _STAMP = "%Y-%m-%dT%H:%M:%SZ"
