@@ -10,6 +10,7 @@ import pandas as pd
 import yaml
 
 from analysis.data.names import algorithm_name, ordered_algorithms, ordered_tasks, task_name
+from analysis.data.outcome import Outcome
 from analysis.data.study import Study, flat_configuration
 
 FILE = Path(__file__).with_name("paper_protocol.yaml")
@@ -48,10 +49,10 @@ def _status(study: Study, algo: str) -> str:
     lengths = " or ".join(f"{steps:,}" for steps in sorted({int(steps) for steps in runs["training_steps"]}))
     seeds = _range(runs.groupby(["env", "arm"]).size())
     done = runs["counts_as"].value_counts()
-    words = [f"{done.get('finished', 0)} of {len(runs)} runs finished"]
-    if diverged := int(done.get("diverged", 0)):
+    words = [f"{done.get(Outcome.FINISHED, 0)} of {len(runs)} runs finished"]
+    if diverged := int(done.get(Outcome.DIVERGED, 0)):
         words.append(f"{diverged} diverged")
-    waiting = runs[runs["counts_as"] == "unfinished"]
+    waiting = runs[runs["counts_as"] == Outcome.UNFINISHED]
     if len(waiting):
         furthest = int(waiting["step"].fillna(0).max())
         words.append(f"{len(waiting)} unfinished, the furthest at step {furthest:,}")

@@ -16,9 +16,9 @@ from analysis.data.mixed import Refused
 from analysis.data.study import KEYS, Study, read_study
 from analysis.data.writing import read_csv, replaced_folder, write_csv, write_json
 
-FORMAT = 5
+FORMAT = 6
 _TEXT = ["arm", "label", "actor", "encoder", "algo", "env", "path", "cell_hash", "configuration_hash", "commit"]
-_TEXT += ["status", "counts_as", "failure", "changed_keys", "versions", "processor", "device"]
+_TEXT += ["status", "counts_as", "failure", "changed_keys", "versions", "processor", "device", "blas"]
 
 
 def collect(folder: Path) -> Study:

@@ -80,7 +80,7 @@ def _where(a: Run, b: Run) -> tuple[str, str]:
 
 def _differences(a: Run, b: Run) -> list[tuple[str, Any, Any]]:
     """The keys in which two runs differ; the engine of the code counts as one."""
-    hashed = [run.manifest.hashed_keys and [*run.manifest.hashed_keys, "engine"] for run in (a, b)]
+    hashed = [[*run.manifest.hashed_keys, "engine"] if run.manifest.hashed_keys else None for run in (a, b)]
     left = a.config | {"engine": a.manifest.engine}
     right = b.config | {"engine": b.manifest.engine}
     return differing_keys(left, right, hashed[0], hashed[1], exempt=frozenset({"seed"}))

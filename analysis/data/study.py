@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -48,6 +49,7 @@ RUN_COLUMNS = [
     "commit",
     "dirty",
     "processor",
+    "blas",
     "threads",
     "device",
     "versions",
@@ -55,6 +57,7 @@ RUN_COLUMNS = [
 EVALUATION_COLUMNS = [*KEYS, "step", "return", "length", "counts_as", "carried"]
 
 LONGEST_WARNING = 2_000
+BLAS_KEYS = ("library", "version", "architecture")
 
 
 @dataclass
@@ -138,7 +141,7 @@ def _assemble(name: str, judged: list[Judged], refused: list[Refused], warnings:
         manifest = one.run.manifest
         key = f"{manifest.algo}/{manifest.env}/{arm_of(one.run)[0]}"
         study.configurations.setdefault(key, one.run.config)
-        if manifest.hashed_keys is not None:
+        if manifest.hashed_keys:
             study.hashed_keys.setdefault(key, manifest.hashed_keys)
         study.warnings += [f"runs/{one.run.path}: {warning}." for warning in (*one.run.warnings, *one.warnings)]
         study.warnings += [f"runs/{one.run.path}, from its manifest: {note}" for note in manifest.notes]
@@ -149,6 +152,7 @@ def _assemble(name: str, judged: list[Judged], refused: list[Refused], warnings:
     ]
     study.warnings += edited([one.run for one in judged])
     study.warnings += _copies(study.evaluations)
+    study.warnings += _several_blas(judged)
     study.warnings = [_sentence(warning) for warning in study.warnings]
     return study
 
@@ -178,6 +182,7 @@ def _row(judged: Judged) -> dict[str, Any]:
         "failure": on_one_line(str(manifest.failure)) if manifest.failure else None,
         "path": run.path,
         "changed_keys": json.dumps(manifest.changed_keys, sort_keys=True),
+        "blas": " ".join(value for value in map(manifest.blas.get, BLAS_KEYS) if value) or None,
         "versions": json.dumps(manifest.versions, sort_keys=True),
         "actor_parameters": manifest.parameters.actor,
         "critic_parameters": manifest.parameters.critic,
@@ -231,6 +236,15 @@ def _copies(evaluations: pd.DataFrame) -> list[str]:
                     "one of them looks like a copy of the other, and n counts both."
                 )
     return found
+
+
+def _several_blas(judged: list[Judged]) -> list[str]:
+    """Results agree bit by bit only where the same library made the matrix products."""
+    used = Counter(blas for one in judged if (blas := one.run.manifest.blas.get("library")))
+    if len(used) < 2:
+        return []
+    shown = ", ".join(f"{library} in {count}" for library, count in sorted(used.items()))
+    return [f"The runs used several BLAS libraries ({shown} runs): the last bits of their results differ by library."]
 
 
 def flat_configuration(study: Study, algo: str, env: str, arm: str) -> dict[str, Any]:

@@ -8,6 +8,8 @@ from typing import Any
 import pandas as pd
 
 from analysis.data.names import actor_name
+from analysis.data.outcome import counts
+from analysis.data.schema import Status
 from analysis.data.study import KEYS, Study, flat_configuration
 
 COLUMNS = ["env", "line", "arm", "seed", "steps", "value", "final"]
@@ -26,9 +28,9 @@ def runs_by(study: Study, algo: str, keys: tuple[str, ...]) -> pd.DataFrame:
     ``final``: mean of the evaluations in the last 10% of the run's own steps, so that runs of unequal length can stand
     beside one another where ``protocol.total_steps`` is the key. ``line``: the actor with what else was changed.
     """
-    runs = study.runs[(study.runs["algo"] == algo) & study.runs["status"].isin(["complete", "diverged"])]
+    runs = study.runs[(study.runs["algo"] == algo) & study.runs["status"].isin([Status.COMPLETE, Status.DIVERGED])]
     if "protocol.total_steps" not in keys:  # as everywhere else, nothing is compared after unequal training
-        runs = runs[runs["counts_as"] != "unfinished"]
+        runs = runs[counts(runs)]
     codings = runs.groupby("actor")["encoder"].nunique().to_dict()
     rows: list[dict[str, Any]] = []
     for run in runs.itertuples():

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.data.names import actor_name, algorithm_name, ordered_algorithms, ordered_arms, ordered_tasks, task_name
+from analysis.data.outcome import Outcome
 from analysis.data.study import Study
 from analysis.health import MEASURES, final_health
 from analysis.tables import Column, Table, number, text
@@ -68,7 +69,7 @@ def throughput_table(study: Study) -> Table:
     for algo, env, arm in _cells(study):
         runs = study.runs[(study.runs["algo"] == algo) & (study.runs["env"] == env) & (study.runs["arm"] == arm)]
         for processor, group in runs.groupby(runs["processor"].fillna("unknown"), sort=True):
-            done = group[group["counts_as"] == "finished"]
+            done = group[group["counts_as"] == Outcome.FINISHED]
             training = study.training.merge(group[["algo", "env", "arm", "seed"]], on=["algo", "env", "arm", "seed"])
             speed = (
                 training["steps_per_second"].median() if "steps_per_second" in training and len(training) else np.nan

@@ -9,6 +9,8 @@ from analysis.claims_file import Claims
 from analysis.data.cells import Cell, select
 from analysis.data.confounds import confounds
 from analysis.data.names import actor_name, algorithm_name, task_name
+from analysis.data.outcome import Outcome, counts
+from analysis.data.schema import Status
 from analysis.data.study import Study
 from analysis.references import scale
 
@@ -30,14 +32,14 @@ def _not_finished(study: Study, cell: Cell) -> list[str]:
     """A sentence each for a cell's failed, unfinished and diverged runs: how far they are, and why they stopped."""
     runs = study.runs
     runs = runs[(runs["algo"] == cell.algo) & (runs["env"] == cell.env) & (runs["arm"] == cell.arm)].sort_values("seed")
-    failed = runs[runs["status"] == "failed"]
-    waiting = runs[(runs["counts_as"] == "unfinished") & (runs["status"] != "failed")]
+    failed = runs[runs["status"] == Status.FAILED]
+    waiting = runs[~counts(runs) & (runs["status"] != Status.FAILED)]
     groups = (
         ("failed", failed, lambda r: f"at {_reached(r)}: {r.failure if isinstance(r.failure, str) else 'no message'}"),
         ("unfinished", waiting, lambda r: f"{r.status}, {_reached(r)}"),
         (
             "diverged",
-            runs[runs["counts_as"] == "diverged"],
+            runs[runs["counts_as"] == Outcome.DIVERGED],
             lambda r: f"at {_reached(r)}, its last value carried forward",
         ),
     )
