@@ -170,6 +170,8 @@ def own_mounts() -> None:
     """
     new_namespace, new_user = 0x00020000, 0x10000000
     libc = ctypes.CDLL(None, use_errno=True)
+    if not hasattr(libc, "unshare"):
+        raise OSError(0, "only Linux has mount namespaces")
     if libc.unshare(new_namespace | (0 if os.geteuid() == 0 else new_user)):
         raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
     mount("--make-rprivate", "/")
