@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from analysis.coverage import coverage
 from analysis.data.cells import Cell, cells_of
 from analysis.data.errors import InputError
 from analysis.data.flatten import differing_keys
@@ -111,6 +112,7 @@ def compare(a: Side, b: Side, algo: str | None = None) -> tuple[Table, list[str]
     ]
     caption = (
         f"A is {a.name}, B is {b.name}. Final performance; Welch's test; p is not adjusted for the number of rows. "
+        f"The interval of a difference covers the truth {coverage('difference')}. "
         f"Nothing is tested after unequal training. {SEPARATED}"
     )
     notes = [note for note in (_differences(found), _unequal(rows), _own_notes(a, b)) if note]

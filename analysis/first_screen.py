@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from analysis.bootstrap import FEW_SEEDS
 from analysis.claims_file import Family
+from analysis.coverage import covers, few_seeds
 from analysis.data.cells import Cell
 from analysis.data.names import algorithm_name, ordered_algorithms
 from analysis.data.study import Study
@@ -39,7 +39,7 @@ def first_screen(study: Study, cells: list[Cell], judgement: Judgement) -> dict[
         "first": [note for note in [about["caution"], *first_notes(study, cells)] if note],
         "forests": forests,
         "verdicts": VERDICTS,
-        "bootstrap": f"Bootstrap intervals, wherever they stand on this page: {FEW_SEEDS[0].lower()}{FEW_SEEDS[1:]}",
+        "bootstrap": few_seeds(),
         "rule": rule_words(judgement),
     }
 
@@ -67,7 +67,8 @@ def _forest(judgement: Judgement, algo: str, title: str, rows: list[ForestRow], 
     caption = (
         "Difference in final performance in normalised points (0: a random policy, 100: the AAN reference), pooled "
         "over the tasks, 95% intervals unadjusted; right of the dashed line: as claimed. Shaded: "
-        f"±{band:g} points, the smallest relevant effect. Wider intervals of tasks are cut at the edge."
+        f"±{band:g} points, the smallest relevant effect. Wider intervals of tasks are cut at the edge. "
+        f"{covers('pooled')}"
     )
     return {
         "algo": algo,

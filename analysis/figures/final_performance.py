@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from analysis.coverage import covers
 from analysis.data.cells import select
 from analysis.data.names import actor_name, algorithm_name, ordered_arms, task_name
 from analysis.figures.drawing import Drawing
@@ -19,7 +20,7 @@ def draw(view: View) -> list[Drawing]:
     caption = (
         "Each point is a run: the mean of its evaluations in the last 10% of its steps. Vertical bar: mean over seeds; "
         f"line: its 95% t interval (from {INTERVAL_SEEDS} seeds on). Crosses: diverged runs, their last value carried "
-        "forward."
+        f"forward. {covers('mean')}"
     )
     here = [cell for cell in view.here if cell.n]
     if not here:

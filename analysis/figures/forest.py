@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
+from analysis.coverage import covers
 from analysis.data.names import algorithm_name
 from analysis.figures.drawing import Drawing
 from analysis.figures.view import View
@@ -21,7 +22,7 @@ def draw(view: View) -> list[Drawing]:
     caption = (
         "Effect of each claim in normalised points (0: random policy, 100: AAN reference), pooled over its tasks, with "
         f"its unadjusted 95% interval; its tasks under it. Grey: effects below the smallest relevant one, ±{band:g} "
-        "points. Right of zero: as claimed."
+        f"points. Right of zero: as claimed. {covers('pooled')}"
     )
     drawn = [row for row in rows if not np.isnan(row.estimate)]
     if not drawn:

@@ -7,6 +7,7 @@ import pandas as pd
 from matplotlib.ticker import MaxNLocator
 
 from analysis import bootstrap
+from analysis.coverage import AGGREGATES, covers
 from analysis.data.names import actor_name, algorithm_name
 from analysis.figures.drawing import Drawing
 from analysis.figures.over_tasks import arms_and_tasks, none, tasks_in_words, those_left_out
@@ -22,9 +23,9 @@ def draw(view: View) -> list[Drawing]:
     arms, tasks = arms_and_tasks(view)
     caption = (
         f"Normalised final performance over {tasks_in_words(tasks)}. Points: the aggregate; bars: 95% stratified "
-        f"bootstrap intervals over seeds (from {INTERVAL_SEEDS} seeds on). {bootstrap.IQM} Higher is "
-        "better, except for the optimality gap. Only actors with finished runs on all of these tasks are shown."
-        + those_left_out(view)
+        f"bootstrap intervals over seeds (from {INTERVAL_SEEDS} seeds on). {covers(*AGGREGATES)} "
+        f"{bootstrap.IQM} Higher is better, except for the optimality gap. Only actors with finished runs on all of "
+        "these tasks are shown." + those_left_out(view)
     )
     if not arms:
         return none(name, title, caption, view)

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.claims_file import Kind
+from analysis.coverage import covers
 from analysis.data.cells import select
 from analysis.data.names import actor_name, algorithm_name, task_name
 from analysis.figures.drawing import Drawing
@@ -25,7 +26,7 @@ def draw(view: View) -> list[Drawing]:
     caption = (
         "Probability that a run of the first actor ends better than a run of the second, ties half. Diamond: mean over "
         f"the tasks on which both have finished runs; line: its 95% stratified bootstrap interval (from "
-        f"{INTERVAL_SEEDS} seeds on); dots: the tasks. {SEPARATED} At 0.5 neither is better."
+        f"{INTERVAL_SEEDS} seeds on); dots: the tasks. {covers('improvement')} {SEPARATED} At 0.5 neither is better."
     )
     claims = [
         result for result in view.judgement.results if result.algo == view.algo and result.claim.kind is Kind.DIFFERENCE

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 from analysis import bootstrap
+from analysis.coverage import covers
 from analysis.data.names import actor_name, algorithm_name
 from analysis.figures.drawing import Drawing
 from analysis.figures.over_tasks import arms_and_tasks, none, tasks_in_words, those_left_out
@@ -22,7 +23,7 @@ def draw(view: View) -> list[Drawing]:
     caption = (
         f"Share of runs whose normalised final performance exceeds a threshold, over {tasks_in_words(tasks)}, tasks "
         "weighing the same; a curve above another at every threshold is better everywhere. Shaded: pointwise 95% "
-        f"stratified bootstrap interval (from {INTERVAL_SEEDS} seeds on)." + those_left_out(view)
+        f"stratified bootstrap interval (from {INTERVAL_SEEDS} seeds on). {covers('profile')}" + those_left_out(view)
     )
     if not arms:
         return none(name, title, caption, view)

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 from analysis import bootstrap
+from analysis.coverage import covers
 from analysis.data.cells import select
 from analysis.data.names import actor_name, algorithm_name
 from analysis.figures.drawing import Drawing
@@ -23,7 +24,7 @@ def draw(view: View) -> list[Drawing]:
     caption = (
         f"Interquartile mean of normalised evaluation returns over {tasks_in_words(tasks)} by step, not smoothed; "
         f"shaded: 95% stratified bootstrap interval over seeds (from {INTERVAL_SEEDS} seeds on). "
-        f"{bootstrap.IQM} Finished and diverged runs; only steps at which all of an actor's runs were "
+        f"{covers('iqm')} {bootstrap.IQM} Finished and diverged runs; only steps at which all of an actor's runs were "
         "evaluated." + those_left_out(view)
     )
     if not arms:

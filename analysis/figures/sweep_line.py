@@ -6,6 +6,7 @@ from typing import Any
 
 import pandas as pd
 
+from analysis.coverage import covers
 from analysis.data.names import algorithm_name, ordered_tasks, task_name
 from analysis.figures.drawing import Drawing
 from analysis.figures.swept import ordered_values, runs_by, swept_keys
@@ -87,7 +88,7 @@ def _drawing(view: View, key: str, points: pd.DataFrame) -> Drawing:
         legend_below(figure, axes)
     caption = (
         f"Final performance against {key}: mean over seeds, its 95% t interval (from {INTERVAL_SEEDS} seeds on), and "
-        "the seeds; a line per actor and for what else was changed in it."
+        f"the seeds; a line per actor and for what else was changed in it. {covers('mean')}"
     )
     title = f"Return against {key}, {algorithm_name(view.algo)}"
     ends = [

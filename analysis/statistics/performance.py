@@ -7,6 +7,7 @@ import pandas as pd
 
 from analysis import metrics
 from analysis.bootstrap import IQM, interval, iqm, point
+from analysis.coverage import covers
 from analysis.data.cells import Cell, select
 from analysis.data.names import ACTORS, actor_name, algorithm_name, task_name
 from analysis.hypothesis_tests import INTERVAL_SEEDS, t_interval
@@ -82,8 +83,8 @@ def final_table(cells: list[Cell]) -> Table:
         ("unfinished", "Unfinished", number()),
     ]
     caption = (
-        f"{FINAL} Mean [95%]: Student's t. IQM over seeds with its bootstrap interval. Both from {INTERVAL_SEEDS} "
-        f"seeds on. {IQM} Unfinished runs stand in curves only."
+        f"{FINAL} Mean [95%]: Student's t. {covers('mean')} IQM over seeds with its bootstrap interval. "
+        f"{covers('iqm of one task')} Both from {INTERVAL_SEEDS} seeds on. {IQM} Unfinished runs stand in curves only."
     )
     keys = [key for key, _, _ in columns]
     frame = pd.DataFrame(rows) if rows else pd.DataFrame(columns=keys)

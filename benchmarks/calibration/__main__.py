@@ -1,6 +1,6 @@
 """How often the report's verdict rule is wrong, what it sees, and how often its intervals cover the truth.
 
-    python -m benchmarks.calibration                       # tables on the screen, about five minutes on one core
+    python -m benchmarks.calibration                       # tables on the screen, some minutes on one core
     python -m benchmarks.calibration --simulations 2000 --resamplings 100     # a look, half a minute
     python -m benchmarks.calibration --write               # and into docs/report.md and analysis/interval_coverage.yaml
 

@@ -134,7 +134,7 @@ def test_pictures_are_described_by_what_they_show(mixed_report):
 
 
 def test_the_bootstraps_caveat_is_said_once(mixed_report):
-    assert page(mixed_report).count("covers the truth 74%") == 1
+    assert page(mixed_report).count("With few seeds bootstrap intervals are too narrow") == 1
 
 
 def test_the_csv_beside_a_figure_is_what_it_draws(mixed_report):

@@ -27,12 +27,12 @@ def test_chunks_change_no_weight(monkeypatch):
 
 def test_write_replaces_the_tables_and_the_file_that_captions_quote(tmp_path, monkeypatch, capsys):
     page, numbers = tmp_path / "report.md", tmp_path / "coverage.yaml"
-    page.write_text(f"before\n{command.BEGIN}\nold\n{command.END}\nafter\n")
+    page.write_text(f"before\n{command.BEGIN}\nstale\n{command.END}\nafter\n")
     monkeypatch.setattr(command, "REPORT", page)
     monkeypatch.setattr(command, "COVERAGE", numbers)
     command.main(["--simulations", "20", "--resamplings", "2", "--write"])
     text = page.read_text()
-    assert text.startswith("before\n") and text.endswith("after\n") and "old" not in text
+    assert text.startswith("before\n") and text.endswith("after\n") and "stale" not in text
     assert "All actors equal" in text and "All actors equal" in capsys.readouterr().out
     found = yaml.safe_load(numbers.read_text())
     assert set(found) == set(coverage.intervals())
