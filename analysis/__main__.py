@@ -12,6 +12,8 @@ from analysis.data.errors import InputError
 
 EPILOG = """examples:
   python -m analysis report results/paper              everything; prints the path of the page
+  python -m analysis report results/paper --by actor.lateral.radius
+  python -m analysis report results/paper --style paper --font serif   for a two-column article
   python -m analysis compare bptsan popsan --study results/paper
   python -m analysis compare results/paper results/equal_rates --algo td3
   dvc repro                                            the same stages, for the studies that dvc.yaml lists
@@ -38,8 +40,10 @@ def _collect(options: argparse.Namespace) -> None:
 def _figures(options: argparse.Namespace) -> None:
     from analysis.data.collected import load
     from analysis.figures import build
+    from analysis.style import style_named
 
-    drawings = build(load(options.study), options.study, options.claims)
+    style = style_named("screen", options.font)
+    drawings = build(load(options.study), options.study, options.claims, style, _keys(options.by))
     print(f"{options.study}/figures: {sum(d.figure is not None for d in drawings)} drawn of {len(drawings)}")
 
 
@@ -52,8 +56,11 @@ def _statistics(options: argparse.Namespace) -> None:
 
 
 def _render(options: argparse.Namespace) -> None:
+    from analysis.data.folders import check_study
     from analysis.render import render
 
+    if not (options.study / "collected").is_dir():
+        check_study(options.study)
     print(render(options.study))
 
 
@@ -61,8 +68,27 @@ def _report(options: argparse.Namespace) -> None:
     from analysis.claims_file import claims_path, read_claims
 
     read_claims(claims_path(options.study, options.claims))  # a mistake there is told before the minutes of drawing
-    for stage in (_collect, _figures, _statistics, _render):
+    _keys(options.by)
+    stages = (_collect, _paper) if options.style == "paper" else (_collect, _figures, _statistics, _render)
+    for stage in stages:
         stage(options)
+
+
+def _paper(options: argparse.Namespace) -> None:
+    from analysis.data.collected import load
+    from analysis.paper import build_paper
+    from analysis.style import style_named
+
+    style = style_named("paper", options.font)
+    print(build_paper(load(options.study), options.study, style, options.claims, _keys(options.by)))
+
+
+def _keys(given: str | None) -> tuple[str, ...]:
+    """The keys of ``--by``, at most two."""
+    keys = tuple(key.strip() for key in given.split(",")) if given else ()
+    if len(keys) > 2 or not all(keys) or len(set(keys)) < len(keys):
+        raise InputError(f"--by takes one key or two different ones with a comma between them, found {given!r}.")
+    return keys
 
 
 def _compare(options: argparse.Namespace) -> None:
@@ -121,12 +147,20 @@ def _parser() -> argparse.ArgumentParser:
             command.add_argument(
                 "--claims", type=_path, help="another claims file than the study's own or analysis/claims.yaml"
             )
-    command = add("compare", "set two labels, or two studies, side by side", _compare)
+        if name in ("report", "figures"):
+            by = "facet and colour by a configuration key (protocol.total_steps); a heat map by two: KEY,KEY"
+            command.add_argument("--by", metavar="KEY", help=by)
+            command.add_argument("--font", choices=("sans", "serif"), default="sans", help="the letters of figures")
+        if name == "report":
+            where = "paper: instead of the page, figures and tables for a two-column article, in results/STUDY/paper"
+            command.add_argument("--style", choices=("screen", "paper"), default="screen", help=where)
+    command = add("compare", "set two labels, algorithms or studies side by side", _compare)
     command.add_argument(
         "a",
         type=os.path.expanduser,
         metavar="A",
-        help="a study (results/paper), a label of one (results/paper:bptsan), or a label of --study",
+        help="a study (results/paper), a label or an algorithm of one (results/paper:bptsan, results/paper:td3, "
+        "results/paper:td3/bptsan), or the same of --study (bptsan, td3, td3/bptsan)",
     )
     command.add_argument("b", type=os.path.expanduser, metavar="B", help="the same")
     command.add_argument("--study", type=_path, help="the study that bare labels belong to")

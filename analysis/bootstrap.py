@@ -17,12 +17,6 @@ REPETITIONS = 10_000
 CURVE_REPETITIONS = 2_000
 CONFIDENCE = 0.95
 SEED = 0
-#: For captions. Simulated: percentile intervals of the mean of normal values, 4,000 samples of each size.
-FEW_SEEDS = (
-    "With few seeds bootstrap intervals are too narrow: of the mean, a nominal 95% interval covers the truth 74% of "
-    "the "
-    "time with 3 seeds, 83% with 5, 89% with 10."
-)
 #: For captions of interquartile means.
 IQM = "IQM: the mean of the runs' middle half, tasks weighing the same; a run at its edge counts in part."
 #: A statistic takes one ``[repetitions, seeds of the task]`` array per task and gives ``[repetitions]``.

@@ -1,4 +1,4 @@
-"""Welch's contrast of means, equivalence, Holm's correction, and the seeds that a stated effect needs.
+"""Welch's contrast of means, Holm's correction, and the seeds that a stated effect needs.
 
 A contrast is ``L = sum_i c_i mean_i`` over independent arms with unequal variances. With ``c = (1, -1)`` it is
 Welch's test; with ``(1, -1, -1, 1)`` the interaction of a 2x2 design; with ``c_i / tasks`` over all arms of all tasks
@@ -52,16 +52,34 @@ class Contrast(NamedTuple):
 NOTHING = Contrast(_NAN, _NAN, _NAN, _NAN, _NAN, _NAN)
 
 
+class Moments(NamedTuple):
+    """Number, mean and variance (ddof=1) of an arm's scores; the number need not be whole."""
+
+    n: float
+    mean: float
+    variance: float
+
+
+def moments(arm: Array) -> Moments:
+    """Of an arm ``[seeds]`` with at least two seeds."""
+    return Moments(len(arm), float(arm.mean()), float(arm.var(ddof=1)))
+
+
+def welch(arms: Sequence[Moments], weights: Sequence[float]) -> tuple[float, float, float]:
+    """Estimate, standard error and degrees of freedom of ``sum_i weights_i * mean_i``."""
+    parts = np.array([c**2 * arm.variance / arm.n for c, arm in zip(weights, arms, strict=True)])
+    freedom = np.array([arm.n - 1 for arm in arms])
+    estimate = sum(c * arm.mean for c, arm in zip(weights, arms, strict=True))
+    return estimate, float(np.sqrt(parts.sum())), float(parts.sum() ** 2 / (parts**2 / freedom).sum())
+
+
 def welch_contrast(arms: Sequence[Array], weights: Sequence[float], confidence: float = 0.95) -> Contrast:
     """``sum_i weights_i * mean(arms_i)``, each arm ``[seeds]``; see :class:`Contrast` for what few seeds leave out."""
     if not arms or any(len(arm) == 0 for arm in arms):
         return NOTHING
-    estimate = float(sum(c * arm.mean() for c, arm in zip(weights, arms, strict=True)))
     if any(len(arm) < INTERVAL_SEEDS for arm in arms) or not varies(arms):
-        return NOTHING._replace(estimate=estimate)
-    parts = np.array([c**2 * arm.var(ddof=1) / len(arm) for c, arm in zip(weights, arms, strict=True)])
-    freedom = np.array([len(arm) - 1 for arm in arms])
-    error, df = float(np.sqrt(parts.sum())), float(parts.sum() ** 2 / (parts**2 / freedom).sum())
+        return NOTHING._replace(estimate=float(sum(c * arm.mean() for c, arm in zip(weights, arms, strict=True))))
+    estimate, error, df = welch([moments(arm) for arm in arms], weights)
     half = error * float(scipy.stats.t.ppf((1 + confidence) / 2, df))
     p = 2 * float(scipy.stats.t.sf(abs(estimate) / error, df))
     enough = all(len(arm) >= TEST_SEEDS for arm in arms)
@@ -79,17 +97,6 @@ def one_sided_p(contrast: Contrast) -> float:
     if np.isnan(contrast.p):
         return _NAN
     return float(scipy.stats.t.sf(contrast.estimate / contrast.error, contrast.df))
-
-
-def equivalence_p(contrast: Contrast, margin: float) -> float:
-    """P of ``|L| >= margin`` against ``|L| < margin``: the larger of two one-sided p (Schuirmann's TOST).
-
-    Below 0.05 exactly where the 90% interval lies inside the margin. NaN where there is no test.
-    """
-    if np.isnan(contrast.p):
-        return _NAN
-    distance = (margin - abs(contrast.estimate)) / contrast.error
-    return float(scipy.stats.t.sf(distance, contrast.df))
 
 
 def t_interval(values: Array, confidence: float = 0.95) -> tuple[float, float]:

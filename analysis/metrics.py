@@ -13,7 +13,6 @@ import pandas as pd
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-SMOOTHING_WINDOW = 11
 
 
 class Curve(NamedTuple):
@@ -53,7 +52,12 @@ def half_std(returns: Array) -> Array:
     return 0.5 * mean_curve(returns).std
 
 
-def smooth(values: Array, window: int = SMOOTHING_WINDOW) -> Array:
+def smoothing_window(evaluations: int) -> int:
+    """A tenth of the evaluations rounded to the nearest odd number, at least 3: 11 of 101, 3 of 21."""
+    return max(3, 2 * int(evaluations / 20) + 1)
+
+
+def smooth(values: Array, window: int) -> Array:
     """Centred moving average over ``window`` evaluations, ``[steps] -> [steps]``; for display only.
 
     At the edges the window is shortened on both sides alike, so that it stays centred: the first and last value are

@@ -10,6 +10,7 @@ import pandas as pd
 import yaml
 
 from analysis.data.names import algorithm_name, ordered_algorithms, ordered_tasks, task_name
+from analysis.data.outcome import Outcome
 from analysis.data.study import Study, flat_configuration
 
 FILE = Path(__file__).with_name("paper_protocol.yaml")
@@ -23,19 +24,19 @@ def protocol() -> dict[str, Any]:
 
 
 def overview(study: Study) -> dict[str, str]:
-    """Sentences for the first screen: the verdicts' ``title``; ``status``, ``caution``, ``settings``, which may be "
-    "empty.
+    """Sentences for the first screen: the ``title`` of the claims; ``status``, ``caution``, ``settings``, which may be
+    empty.
     """
     lengths = sorted({int(steps) for steps in study.runs["training_steps"]})
     steps = int(protocol()["steps"])
     whole = not lengths or lengths == [steps]
     shown = " or ".join(f"{length:,}" for length in lengths)
     caution = (
-        f"The paper's claims are about {steps:,} steps. Runs of {shown} steps say nothing about them there: read every "
-        f"verdict as one at {shown} steps."
+        f"Runs of {shown} steps: the paper's claims are about {steps:,}, and nothing here speaks about them at that "
+        "length."
     )
     return {
-        "title": "Verdicts on the paper's claims" if whole else f"Verdicts at {shown} steps",
+        "title": "The paper's claims" if whole else f"The claims at {shown} steps",
         "status": " ".join(_status(study, algo) for algo in ordered_algorithms(study.runs["algo"])),
         "caution": "" if whole else caution,
         "settings": _settings(study),
@@ -48,10 +49,10 @@ def _status(study: Study, algo: str) -> str:
     lengths = " or ".join(f"{steps:,}" for steps in sorted({int(steps) for steps in runs["training_steps"]}))
     seeds = _range(runs.groupby(["env", "arm"]).size())
     done = runs["counts_as"].value_counts()
-    words = [f"{done.get('finished', 0)} of {len(runs)} runs finished"]
-    if diverged := int(done.get("diverged", 0)):
+    words = [f"{done.get(Outcome.FINISHED, 0)} of {len(runs)} runs finished"]
+    if diverged := int(done.get(Outcome.DIVERGED, 0)):
         words.append(f"{diverged} diverged")
-    waiting = runs[runs["counts_as"] == "unfinished"]
+    waiting = runs[runs["counts_as"] == Outcome.UNFINISHED]
     if len(waiting):
         furthest = int(waiting["step"].fillna(0).max())
         words.append(f"{len(waiting)} unfinished, the furthest at step {furthest:,}")

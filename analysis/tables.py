@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,26 +13,40 @@ import pandas as pd
 
 from analysis.data.writing import write_csv, write_text
 
-_LATEX = {
-    "\\": r"\textbackslash{}",
-    "&": r"\&",
-    "%": r"\%",
-    "$": r"\$",
-    "#": r"\#",
-    "_": r"\_",
-    "{": r"\{",
-    "}": r"\}",
-    "~": r"\textasciitilde{}",
-    "^": r"\textasciicircum{}",
-    "<": r"\textless{}",
-    ">": r"\textgreater{}",
-    "±": r"$\pm$",
-    "–": "--",
-    "−": "$-$",
-    "×": r"$\times$",
-    "[": "{[}",
-    "]": "{]}",
-}
+_LATEX = str.maketrans(
+    {
+        "\\": r"\textbackslash{}",
+        "&": r"\&",
+        "%": r"\%",
+        "$": r"\$",
+        "#": r"\#",
+        "_": r"\_",
+        "{": r"\{",
+        "}": r"\}",
+        "~": r"\textasciitilde{}",
+        "^": r"\textasciicircum{}",
+        "<": r"$<$",
+        ">": r"$>$",
+        "±": r"$\pm$",
+        "–": "--",
+        "−": r"$-$",
+        "×": r"$\times$",
+        "≥": r"$\geq$",
+        "τ": r"$\tau$",
+        "“": "``",
+        "”": "''",
+        "…": r"\ldots{}",
+        "[": "{[}",
+        "]": "{]}",
+    }
+)
+#: Leading columns that together name a row; the page sets them as one.
+_NAMING = ("Algorithm", "Task", "Actor")
+#: A row of this many characters in 8-point type is wider than a column of 3.35 inches.
+_COLUMN_CHARACTERS = 52
+#: Longer texts are set as paragraphs of this many inches.
+_PARAGRAPH, _INCHES = 34, 1.7
+CAPTION_WORDS = 60
 
 
 #: Key of the frame, header, how to print a value.
@@ -50,6 +65,9 @@ class Table:
         folded: shown behind a click, for long tables.
         display: the rows that are printed, where they are fewer than those of the CSV.
         instead: a sentence that is printed in place of the rows; the CSV keeps them.
+        best: printed cells ``(row, column)`` that a paper sets in bold.
+        paper: headers of the columns that a paper prints; all where empty.
+        stacked: on a narrow screen each row becomes a block of lines instead of scrolling sideways.
     """
 
     name: str
@@ -62,6 +80,9 @@ class Table:
     folded: bool = False
     display: pd.DataFrame | None = None
     instead: str = ""
+    best: frozenset[tuple[int, int]] = frozenset()
+    paper: tuple[str, ...] = ()
+    stacked: bool = False
 
     def headers(self) -> list[str]:
         """Printed headers."""
@@ -91,26 +112,55 @@ class Table:
             "rows": self.rows(),
             "empty": self.instead or self.empty,
             "folded": self.folded,
+            "stacked": self.stacked,
+            "naming": self.naming(),
         }
 
-    def latex(self) -> str:
-        r"""A ``table`` environment with booktabs rules; needs ``\usepackage{booktabs}``."""
-        align = "".join("r" if number else "l" for number in self.numeric())
+    def naming(self) -> int:
+        """How many leading columns name a row."""
+        headers = self.headers()
+        return next((k for k, header in enumerate(headers) if header not in _NAMING), len(headers))
+
+    def latex(self, brief: bool = False) -> str:
+        r"""A ``table`` or, where a column is too narrow for it, a ``table*`` with booktabs rules.
+
+        ``brief``: only the columns of ``paper``, what is constant left out, the caption under 60 words.
+        """
+        frame: Any = pd.DataFrame(self.rows(), columns=range(len(self.columns)), dtype=object)
+        kept = self._kept(frame) if brief else list(frame.columns)
+        frame, headers, numeric = frame[kept], self.headers(), self.numeric()
+        widths = {k: max([len(headers[k]), *frame[k].map(len)]) for k in kept}
+        align = {k: "r" if numeric[k] else f"p{{{_INCHES}in}}" if widths[k] > _PARAGRAPH else "l" for k in kept}
+        wide = sum(min(widths[k], _PARAGRAPH) + 1.5 for k in kept) > _COLUMN_CHARACTERS
+        style = frame.style.hide(axis="index").format(escape_latex)
+        style = style.format_index(lambda k: escape_latex(headers[k]), axis=1)
+        bold = pd.DataFrame("", index=frame.index, columns=frame.columns)
+        for row, column in self.best if brief else ():
+            if column in kept and row in bold.index:
+                bold.loc[row, column] = "font-weight: bold"
+        style = style.apply(lambda _: bold, axis=None)
+        body = style.to_latex(hrules=True, column_format="".join(align.values()), convert_css=True)
+        caption = short_caption(f"{self.title}. {self.caption}") if brief else f"{self.title}. {self.caption}"
+        kind = "table*" if wide else "table"
         lines = [
-            "\\begin{table}",
+            f"\\begin{{{kind}}}",
             "\\centering",
-            f"\\caption{{{escape_latex(self.title + '. ' + self.caption)}}}",
+            "\\footnotesize",
+            *(["\\setlength{\\tabcolsep}{3pt}"] if brief else []),
+            f"\\caption{{{escape_latex(caption)}}}",
             f"\\label{{tab:{self.name.replace('_', '-')}}}",
-            f"\\begin{{tabular}}{{{align}}}",
-            "\\toprule",
-            " & ".join(map(escape_latex, self.headers())) + r" \\",
-            "\\midrule",
-            *(" & ".join(map(escape_latex, row)) + r" \\" for row in self.rows()),
-            "\\bottomrule",
-            "\\end{tabular}",
-            "\\end{table}",
+            body.rstrip("\n"),
+            f"\\end{{{kind}}}",
         ]
         return "\n".join(lines) + "\n"
+
+    def _kept(self, frame: pd.DataFrame) -> list[int]:
+        """The columns of a paper: those asked for that print something, without names that all rows share."""
+        headers = self.headers()
+        asked = [k for k, header in enumerate(headers) if not self.paper or header in self.paper]
+        constant = {k for k in range(self.naming()) if len(frame) and frame[k].nunique() == 1}
+        empty = {k for k in asked if len(frame) and frame[k].isin(["", "–"]).all()}
+        return [k for k in asked if k not in constant | empty]
 
     def save(self, folder: Path) -> None:
         """``<name>.csv`` and ``<name>.tex``."""
@@ -119,8 +169,18 @@ class Table:
 
 
 def escape_latex(words: str) -> str:
-    """Every character that LaTeX would read as a command."""
-    return "".join(_LATEX.get(character, character) for character in words)
+    """Every character that LaTeX would read as a command, or that pdfLaTeX does not know."""
+    return str(words).translate(_LATEX)
+
+
+def short_caption(caption: str, words: int = CAPTION_WORDS) -> str:
+    """The first whole sentences of a caption that together stay under so many words."""
+    kept: list[str] = []
+    for sentence in re.split(r"(?<=[.!?])\s+(?=[A-Z“])", caption.strip()):
+        if kept and len(" ".join([*kept, sentence]).split()) >= words:
+            break
+        kept.append(sentence)
+    return " ".join(kept)
 
 
 def text(value: Any) -> str:

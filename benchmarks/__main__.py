@@ -23,8 +23,8 @@ from rich.console import Console
 from benchmarks import machine
 from benchmarks import topic as topics
 from benchmarks.topic import Topic
-from src.experiment import threads
-from src.experiment.atomic import replace_file
+from src.experiment import process
+from src.experiment.files import replace_file
 
 #: Each is a module with ``topic(quick)``.
 TOPICS = ("update", "peers", "reference", "growth", "memory", "two_jobs")
@@ -41,7 +41,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     if not options.output.absolute().parent.is_dir():
         parser.error(f"--output: there is no folder {options.output.absolute().parent}")
-    threads.set_before_torch(1)
+    process.set_threads_before_torch(1)
     console = topics.console()
     described = machine.describe()
     content: dict[str, Any] = {"quick": options.quick, "machine": described, "seconds": 0, "topics": {}, "failed": {}}

@@ -1,7 +1,7 @@
 """The bits of two bursts of updates, for every algorithm and actor: ``python -m benchmarks.bits``.
 
 A change of structure must not move a number. Run it before and after, on the same machine with the same BLAS, and
-compare the lines; a change that moves them on purpose raises ``ENGINE`` (in the schema of :mod:`src.config`).
+compare the lines; a change that moves them on purpose raises ``ENGINE`` (src/config/schema.py).
 """
 
 from __future__ import annotations

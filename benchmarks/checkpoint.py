@@ -23,8 +23,9 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from src.algorithms.learner import Minibatches  # noqa: E402
-from src.experiment.claim import claim  # noqa: E402
+from src.experiment.identity import Run  # noqa: E402
 from src.experiment.machine import processor  # noqa: E402
+from src.experiment.ownership import acquire  # noqa: E402
 from src.experiment.progress import PlainProgress  # noqa: E402
 from src.training.collection import Transitions  # noqa: E402
 from src.training.numerics import set_numerics  # noqa: E402
@@ -59,7 +60,7 @@ def measure(folder: Path, rows: int, interval: int, repeats: int) -> None:
     }
     config = make_config(overrides, env="ant", protocol="paper")
     set_numerics(config.threads)
-    with claim(config) as (run, _):
+    with acquire(Run(config)) as (run, _):
         session = TrainingSession(config, run, PlainProgress(config.protocol.total_steps))
         while session.step < rows:  # behind the session's back: no environment is stepped
             block = min(10_000, rows - session.step)

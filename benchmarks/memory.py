@@ -18,8 +18,9 @@ from benchmarks.our_loop import Silent
 from benchmarks.process_memory import watch
 from benchmarks.topic import Row, Topic
 from src.config import ExperimentConfig
-from src.experiment.claim import claim
+from src.experiment.identity import Run
 from src.experiment.machine import ROOT
+from src.experiment.ownership import acquire
 from src.experiment.run_directory import REPLAY_FILE
 from src.training.replay import make_replay, sample_minibatches
 from src.training.session import TrainingSession
@@ -87,7 +88,7 @@ def _run(folder: Path, rows: int, steps: int) -> Row:
 
 def _write_state(config: ExperimentConfig, rows: int) -> None:
     """A run that stands at step ``rows``: replay by its own ``extend``, checkpoint by the session's ``save``."""
-    with claim(config) as (run, _):
+    with acquire(Run(config)) as (run, _):
         session = TrainingSession(config, run, Silent())
         assert session.sizes == (N, M)
         block = noise(_BLOCK, N, M)

@@ -9,7 +9,8 @@ from unittest.mock import patch
 from benchmarks.relay import Turns
 from benchmarks.stepwise import StepwiseSpikingActor
 from src.config import EnvConfig, ExperimentConfig
-from src.experiment.claim import claim
+from src.experiment.identity import Run
+from src.experiment.ownership import acquire
 from src.training.evaluation import Evaluator
 from src.training.session import TrainingSession
 
@@ -34,7 +35,7 @@ def ours(turns: Turns, config: ExperimentConfig, evaluation_env: EnvConfig, refe
         reference: the actor as step-by-step eager PyTorch, on the plain backend.
     """
     stepwise = patch("src.actors.build.SpikingActor", StepwiseSpikingActor)
-    with claim(config) as (run, _), stepwise if reference else nullcontext():
+    with acquire(Run(config)) as (run, _), stepwise if reference else nullcontext():
         session = TrainingSession(config, run, Silent())
         session.evaluator = Evaluator(dataclasses.replace(config, env=evaluation_env), session.streams)
         session.evaluator.evaluate = turns.timed("evaluation", session.evaluator.evaluate)  # type: ignore[method-assign]

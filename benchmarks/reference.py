@@ -23,8 +23,8 @@ def topic(quick: bool = False) -> Topic:
     result = Topic(
         title="step-by-step eager PyTorch",
         method=races.METHOD.format(**race._asdict())
-        + " Both sides are our session; theirs has the actor (and its target) of benchmarks/stepwise.py on the plain backend: a Linear "
-        "and an elementwise update per time step, gradients by autograd. Both save checkpoints.",
+        + " Both sides are our session; theirs has the actor (and its target) of benchmarks/stepwise.py on the plain "
+        "backend: a Linear and an elementwise update per time step, gradients by autograd. Both save checkpoints.",
         columns={"actor": "actor"} | races.COLUMNS,
         goal="at least",
     )

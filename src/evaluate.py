@@ -1,88 +1,150 @@
-"""Play a trained policy again, on fresh episodes: ``python -m src.evaluate RUN --episodes 10``."""
+"""Play a trained policy again, on fresh episodes: ``python -m src.evaluate RUN --episodes 10``.
+
+It prints the mean return, the standard deviation over episodes and a 95 % t interval of the mean. The episodes differ
+from all those of the run's own evaluations. Relative paths lie in the repository, whatever the working directory.
+"""
 
 from __future__ import annotations
 
 import argparse
 import csv
+import os
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from src.config import ConfigurationError
-from src.experiment import threads
+from src.experiment import process
+from src.experiment.machine import repository_path
+from src.policies.find import BEST, FINAL, policy_path
+
+CONFIDENCE = 0.95
 
 
-def parse() -> argparse.Namespace:
+def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     """The command line."""
-    parser = argparse.ArgumentParser(prog="python -m src.evaluate", description=__doc__)
-    parser.add_argument("run", type=Path, help="a run directory, or its policy.pt")
+    parser = argparse.ArgumentParser(
+        prog="python -m src.evaluate", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("run", type=repository_path, help="a run directory, or a policy file")
+    parser.add_argument(
+        "--policy",
+        choices=(FINAL, BEST),
+        default=FINAL,
+        help="of a run directory: its final policy, or that of its best evaluation, which flatters (default: final)",
+    )
     parser.add_argument("--episodes", type=int, default=10, help="episodes to play (default: 10)")
     parser.add_argument(
         "--seed", type=int, default=0, help="seed of the episodes; another one gives others (default: 0)"
     )
-    parser.add_argument("--csv", type=Path, help="write episode,return,length here too")
-    arguments = parser.parse_args()
-    if arguments.episodes < 1:
-        parser.error(f"--episodes: should be at least 1, found {arguments.episodes}")
-    if arguments.seed < 0:
-        parser.error(f"--seed: should be at least 0, found {arguments.seed}")
-    return arguments
+    parser.add_argument("--csv", type=repository_path, help="write episode,return,length here too")
+    parser.add_argument(
+        "--operations",
+        action="store_true",
+        help="instead: count the final policy's operations over its last evaluation, into RUN/operations.json",
+    )
+    options = parser.parse_args(arguments)
+    if options.episodes < 1:
+        parser.error(f"--episodes: should be at least 1, found {options.episodes}")
+    if options.seed < 0:
+        parser.error(f"--seed: should be at least 0, found {options.seed}")
+    if options.operations and not options.run.is_dir():
+        parser.error(f"--operations: should be given a run directory, found {options.run}")
+    if options.operations and options.policy == BEST:
+        parser.error("--operations: counts the final policy, not the best one")
+    return options
 
 
-def policy_path(run: Path) -> Path:
-    """The policy file of a run directory, or the path itself where it is a file.
+def check_csv(path: Path) -> None:
+    """Look at the place of the table before episodes are played; nothing is written.
 
     Raises:
-        ConfigurationError: there is none; the message says why that may be.
+        ConfigurationError: no file can be written there.
     """
-    path = run if run.is_file() else run / "policy.pt"
-    if not path.is_file() and (run / "state" / "policy.pt").is_file():  # of a run of engine 1 or 2
-        path = run / "state" / "policy.pt"
-    if not path.is_file():
-        raise ConfigurationError(
-            f"{run}: no trained policy (policy.pt) is there. A run leaves it when it completes: train the cell first, "
-            "or name the policy file."
-        )
-    return path
+    if path.is_dir():
+        raise ConfigurationError(f"--csv: {path} is a folder; name a file.")
+    if not path.parent.is_dir():
+        raise ConfigurationError(f"--csv: there is no folder {path.parent}; make it, or choose another place.")
+    if not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise ConfigurationError(f"--csv: {path} can't be written; choose another place.")
 
 
 def play(path: Path, episodes: int, seed: int) -> list[tuple[float, int]]:
     """``(return, length)`` per episode. The episodes differ from all those of the run's own evaluations."""
-    threads.set_before_torch(1)
+    process.set_threads_before_torch(1)
+    from src.policies.load import FRESH, load_policy
     from src.streams import Streams
     from src.training.evaluation import Evaluator
-    from src.training.numerics import set_numerics
-    from src.training.policy_file import TrainedPolicy
 
-    set_numerics(threads=1)
-    trained = TrainedPolicy(path)
+    trained = load_policy(path)
     config = replace(trained.config, protocol=replace(trained.config.protocol, evaluation_episodes=episodes))
     evaluator = Evaluator(config, Streams(seed))
-    return evaluator.evaluate(trained.act, step=-1)
+    return evaluator.evaluate(trained.act, step=FRESH)
 
 
-def main() -> int:
+def summary(returns: Sequence[float]) -> str:
+    """Mean, standard deviation over episodes (n - 1) and the t interval of the mean; one episode has a mean only."""
+    import numpy as np
+    from scipy import stats
+
+    mean = float(np.mean(returns))
+    if len(returns) < 2:
+        return f"mean return {mean:.1f} over 1 episode"
+    deviation = float(np.std(returns, ddof=1))
+    half = float(stats.t.ppf((1 + CONFIDENCE) / 2, len(returns) - 1)) * deviation / len(returns) ** 0.5
+    return (
+        f"mean return {mean:.1f} over {len(returns)} episodes, standard deviation {deviation:.1f}, "
+        f"{CONFIDENCE:.0%} t interval of the mean {mean - half:.1f} to {mean + half:.1f}"
+    )
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
     """Print a table of the episodes; returns the exit code."""
-    from rich.console import Console
-    from rich.table import Table
-
-    arguments = parse()
+    options = parse(arguments)
     try:
-        path = policy_path(arguments.run)
-        results = play(path, arguments.episodes, arguments.seed)
+        if options.csv:
+            check_csv(options.csv)
+        path = policy_path(options.run, options.policy)
+        if options.operations:
+            return count(options.run, path)
+        results = play(path, options.episodes, options.seed)
     except (ConfigurationError, RuntimeError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    table = Table("episode", "return", "length", title=str(arguments.run))
+    show(options, results)
+    if options.csv:
+        with options.csv.open("w", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerows([("episode", "return", "length"), *((i, r, n) for i, (r, n) in enumerate(results))])
+    return 0
+
+
+def show(options: argparse.Namespace, results: Sequence[tuple[float, int]]) -> None:
+    """The episodes as a table, and their summary."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("episode", "return", "length", title=str(options.run))
     for episode, (episode_return, length) in enumerate(results):
         table.add_row(str(episode), f"{episode_return:.1f}", str(length))
     Console().print(table)
-    mean = sum(r for r, _ in results) / len(results)
-    print(f"mean return {mean:.1f} over {len(results)} episodes, seed {arguments.seed}")
-    if arguments.csv:
-        with arguments.csv.open("w", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerows([("episode", "return", "length"), *((i, r, n) for i, (r, n) in enumerate(results))])
+    print(f"{summary([episode_return for episode_return, _ in results])}, seed {options.seed}")
+
+
+def count(run: Path, path: Path) -> int:
+    """``--operations``: count, write and say where."""
+    process.set_threads_before_torch(1)
+    from src.policies.load import count_again
+    from src.policies.operations import write_operations
+    from src.policies.trace import NotTraceable
+
+    try:
+        operations = count_again(path)
+    except NotTraceable as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    print(f"{write_operations(run, operations)}: {operations.decisions} decisions of {operations.episodes} episodes")
     return 0
 
 

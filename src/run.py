@@ -21,39 +21,37 @@ if not __package__:  # ``python src/run.py``, the form that Hydra's shell comple
 
 @hydra.main(version_base="1.3", config_path=str(ROOT / "conf"), config_name="config")
 def task(composed: DictConfig) -> str:
-    """One job (see :mod:`src.experiment.single`)."""
-    from src.experiment.single import run_composed
+    """One job (see :mod:`src.experiment.launch.single`)."""
+    from src.experiment.launch.single import run_composed
 
     return run_composed(composed)
 
 
 def main() -> int:
     """Run the command; bad input is one clear sentence and exit code 2."""
-    from src.experiment.input_errors import is_input_error, mistakes_before_hydra, sentence
-    from src.experiment.outcome import DONE, FAILED, KILLED_BY_USER, REFUSED
+    from src.experiment.command_line import is_input_error, prepared, sentence
+    from src.experiment.state import ExitCode
 
     show_traceback = os.environ.get("HYDRA_FULL_ERROR") == "1"
     _prepare_process()
     if sys.flags.optimize:
-        return _refuse("Python's -O breaks Hydra's range() and glob(); run without it.", REFUSED)
-    sys.argv[1:] = sorted(sys.argv[1:], key=lambda argument: argument not in ("-m", "--multirun"))  # wherever it stands
-    if mistake := mistakes_before_hydra(sys.argv[1:]):
-        return _refuse(mistake, REFUSED)
+        return _refuse("Python's -O breaks Hydra's range() and glob(); run without it.", ExitCode.REFUSED)
     try:
+        sys.argv[1:] = prepared(sys.argv[1:])
         task()
     except Exception as error:
         if show_traceback or not is_input_error(error):
             raise
-        return _refuse(sentence(error), REFUSED)
+        return _refuse(sentence(error), ExitCode.REFUSED)
     except SystemExit as stop:  # a single run's errors go around Hydra
         if stop.__cause__ is None:
             raise
         if show_traceback:
             raise stop.__cause__ from None
-        return _refuse(str(stop.__cause__), stop.code if isinstance(stop.code, int) else FAILED)
+        return _refuse(str(stop.__cause__), stop.code if isinstance(stop.code, int) else ExitCode.FAILED)
     except KeyboardInterrupt:
-        return KILLED_BY_USER
-    return DONE
+        return ExitCode.KILLED_BY_USER
+    return ExitCode.DONE
 
 
 def _prepare_process() -> None:

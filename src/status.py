@@ -1,7 +1,7 @@
 """The grid of a study as a table: ``python -m src.status results/paper``. Reads files only, never torch.
 
-Exit codes: 0 every run there is has ended well (complete or diverged) and no seed is missing, 1 a run failed,
-75 something is running, interrupted or missing, 2 there is no such study.
+Exit codes: 0 every run there is has ended well (complete or diverged) and no seed is missing, 1 a run failed or the
+seeds of one row are not one configuration, 75 something is running, interrupted or missing, 2 there is no such study.
 """
 
 from __future__ import annotations
@@ -9,18 +9,124 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any, NamedTuple
 
 from rich.console import Console
 from rich.table import Table
 
-from src.experiment.machine import ROOT
-from src.experiment.outcome import DONE, FAILED, INTERRUPTED, REFUSED
+from src.experiment.files import last_return, last_row
+from src.experiment.identity import Difference, differences
+from src.experiment.machine import repository_path
+from src.experiment.plan import compared_on_disk
 from src.experiment.progress import duration, number
-from src.experiment.study import Row, RunState, count, rows
+from src.experiment.run_directory import RunState
+from src.experiment.state import ExitCode, exit_code, observe
 
-STATES = ("complete", "running", "interrupted", "failed", "diverged")
+_STATES = (
+    RunState.COMPLETE,
+    RunState.RUNNING,
+    RunState.INTERRUPTED,
+    RunState.FAILED,
+    RunState.DIVERGED,
+    RunState.NOT_STARTED,
+)
+
+
+class SeedStatus(NamedTuple):
+    """How far one run is."""
+
+    seed: int
+    state: RunState
+    step: int
+    total_steps: int
+    last_return: float | None
+    steps_per_second: float | None  # of the last interval; of a complete run over all
+    why: str
+
+    @property
+    def seconds_left(self) -> float | None:
+        """At the speed of the last interval; None where that isn't known."""
+        if self.state == RunState.COMPLETE:
+            return 0.0
+        return (self.total_steps - self.step) / self.steps_per_second if self.steps_per_second else None
+
+
+class Row(NamedTuple):
+    """All seeds of one configuration."""
+
+    algo: str
+    env: str
+    label: str
+    encoder: str
+    runs: tuple[SeedStatus, ...]
+    missing: tuple[int, ...]  # seeds that other rows of the study have
+    mixed: str  # what the seeds differ in besides the seed, as a sentence
+
+    @property
+    def name(self) -> str:
+        """``td3/hopper/bptsan/poisson``."""
+        return "/".join((self.algo, self.env, self.label, self.encoder))
+
+    def seeds(self, state: RunState) -> tuple[int, ...]:
+        """Seeds of the runs in this state."""
+        return tuple(run.seed for run in self.runs if run.state == state)
+
+
+def read_study(study: Path) -> list[Row]:
+    """The grid of ``results/<study>``, in alphabetical order.
+
+    Raises:
+        FileNotFoundError: there is no such study, or nothing in it.
+    """
+    if not study.is_dir():
+        raise FileNotFoundError(f"{study}: there is no such study; results/<study> is made by the first run.")
+    folders: dict[tuple[str, ...], list[Path]] = {}
+    for path in sorted((study / "runs").glob("*/*/*/*/seed_*")):
+        if (path / "manifest.json").exists() or (path / "state").is_dir():
+            folders.setdefault(path.parts[-5:-1], []).append(path)
+    if not folders:
+        raise FileNotFoundError(f"{study}: there are no runs in it yet.")
+    seeds = {_seed(path) for paths in folders.values() for path in paths}
+    rows = []
+    for (algo, env, label, encoder), paths in folders.items():
+        runs = tuple(sorted(_seed_status(path) for path in paths))
+        missing = tuple(sorted(seeds - {run.seed for run in runs}))
+        rows.append(Row(algo, env, label, encoder, runs, missing, _mixed(paths)))
+    return rows
+
+
+def _seed(path: Path) -> int:
+    return int(path.name.removeprefix("seed_"))
+
+
+def _seed_status(path: Path) -> SeedStatus:
+    seen = observe(path)
+    if seen.manifest is None:
+        return SeedStatus(_seed(path), seen.state, 0, 0, None, None, seen.why)
+    row = last_row(path / "training.csv")
+    rate = float(row.get("steps_per_second") or 0) if row else 0.0
+    if seen.state == RunState.COMPLETE and seen.manifest.wall_time_seconds > 0:
+        rate = seen.step / seen.manifest.wall_time_seconds
+    returns = last_return(path / "evaluations.csv")
+    return SeedStatus(_seed(path), seen.state, seen.step, seen.manifest.total_steps, returns, rate or None, seen.why)
+
+
+def _mixed(paths: Sequence[Path]) -> str:
+    """What the first seed that differs from the one before it differs in."""
+    first: tuple[Path, dict[str, Any]] | None = None
+    for path in paths:
+        content = compared_on_disk(path)
+        if content is None:
+            continue
+        if first is None:
+            first = (path, content)
+        changes: list[Difference] = differences(first[1], content)
+        if changes:
+            return f"seeds {_seed(first[0])} and {_seed(path)} differ in {', '.join(map(str, changes))}"
+    return ""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -28,35 +134,34 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="python -m src.status", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("study", type=Path, help="results/<study>")
+    parser.add_argument("study", help="results/<study>; a relative path lies in the repository")
     parser.add_argument("--json", action="store_true", help="print JSON: one object per row, its runs in it")
     options = parser.parse_args(arguments)
-    study = options.study if options.study.exists() else ROOT / options.study
     try:
-        grid = rows(study if study.exists() else options.study)
+        grid = read_study(repository_path(options.study))
     except FileNotFoundError as error:
         print(error, file=sys.stderr)
-        return REFUSED
+        return ExitCode.REFUSED
     if options.json:
         print(json.dumps([as_json(row) for row in grid], indent=1))
     else:
         console = Console()
         show(grid, console if console.is_terminal else Console(width=140))  # a pipe has no width
-    if count(grid, "failed"):
-        return FAILED
-    unfinished = count(grid, "running", "interrupted") + sum(len(row.missing) for row in grid)
-    return INTERRUPTED if unfinished else DONE
+    count = Counter(run.state for row in grid for run in row.runs)
+    count[RunState.NOT_STARTED] += sum(len(row.missing) for row in grid)
+    return ExitCode.FAILED if any(row.mixed for row in grid) else exit_code(count)
 
 
 def show(grid: Sequence[Row], console: Console) -> None:
-    """A row per cell, its seeds by state; then why what failed has failed."""
-    present = [state for state in STATES if count(grid, state)]
-    missing = any(row.missing for row in grid)
+    """A row per configuration, its seeds by state; then why what failed has failed."""
+    count = Counter(run.state for row in grid for run in row.runs)
+    present = [state for state in _STATES if count[state]]
+    missing = sum(len(row.missing) for row in grid)
     table = Table(box=None, pad_edge=False, header_style="bold")
     for column in ("algo", "env", "label", "encoder"):
         table.add_column(column, overflow="fold")
     for state in present:
-        table.add_column("done" if state == "complete" else state)
+        table.add_column("done" if state == RunState.COMPLETE else state)
     if missing:
         table.add_column("missing")
     for column in ("return", "steps", "steps/s", "time left"):
@@ -65,26 +170,28 @@ def show(grid: Sequence[Row], console: Console) -> None:
         seeds = [ranges(row.seeds(state)) for state in present] + ([ranges(row.missing)] if missing else [])
         table.add_row(row.algo, row.env, row.label, row.encoder, *seeds, *_progress(row.runs))
     console.print(table)
-    totals = [f"{count(grid, state)} {'done' if state == 'complete' else state}" for state in present]
+    totals = [f"{count[state]} {'done' if state == RunState.COMPLETE else state}" for state in present]
     if missing:
-        totals.append(f"{sum(len(row.missing) for row in grid)} missing")
+        totals.append(f"{missing} missing")
     console.print("runs: " + ", ".join(totals) + "  (the columns above list seeds)", highlight=False)
     for row in grid:
         for run in row.runs:
-            if run.state in ("failed", "diverged"):
-                name = f"{row.algo}/{row.env}/{row.label}/{row.encoder}/seed_{run.seed}"
-                console.print(f"{run.state}: {name}: {run.why}", highlight=False, markup=False, soft_wrap=True)
+            if run.state in (RunState.FAILED, RunState.DIVERGED):
+                _print(console, f"{run.state}: {row.name}/seed_{run.seed}: {run.why}")
+        if row.mixed:
+            _print(console, f"not one configuration: {row.name}: {row.mixed}")
 
 
-def _progress(runs: Sequence[RunState]) -> tuple[str, str, str, str]:
+def _progress(runs: Sequence[SeedStatus]) -> tuple[str, str, str, str]:
     """Mean last return, steps (the least), speed (the mean) and time left (the longest) of a row."""
     returns = [run.last_return for run in runs if run.last_return is not None]
     rates = [run.steps_per_second for run in runs if run.steps_per_second]
-    left = [run.seconds_left for run in runs if run.state == "running" and run.seconds_left is not None]
-    behind = min(runs, key=lambda run: run.step)
+    left = [run.seconds_left for run in runs if run.state == RunState.RUNNING and run.seconds_left is not None]
+    totals = sorted({run.total_steps for run in runs})
+    lengths = thousands(totals[0]) if len(totals) == 1 else f"{thousands(totals[0])}..{thousands(totals[-1])}"
     return (
         number(sum(returns) / len(returns) if returns else None),
-        f"{thousands(behind.step)}/{thousands(behind.total_steps)}",
+        f"{thousands(min(run.step for run in runs))}/{lengths}",
         f"{sum(rates) / len(rates):.0f}" if rates else "-",
         duration(max(left)) if left else "-",
     )
@@ -113,6 +220,10 @@ def as_json(row: Row) -> dict[str, object]:
     """The row with its runs as plain objects."""
     runs = [run._asdict() | {"seconds_left": run.seconds_left} for run in row.runs]
     return row._asdict() | {"runs": runs, "missing": list(row.missing)}
+
+
+def _print(console: Console, text: str) -> None:
+    console.print(text, highlight=False, markup=False, soft_wrap=True)
 
 
 if __name__ == "__main__":

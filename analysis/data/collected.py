@@ -16,9 +16,9 @@ from analysis.data.mixed import Refused
 from analysis.data.study import KEYS, Study, read_study
 from analysis.data.writing import read_csv, replaced_folder, write_csv, write_json
 
-FORMAT = 4
+FORMAT = 6
 _TEXT = ["arm", "label", "actor", "encoder", "algo", "env", "path", "cell_hash", "configuration_hash", "commit"]
-_TEXT += ["status", "counts_as", "failure", "changed_keys", "versions", "processor", "device"]
+_TEXT += ["status", "counts_as", "failure", "changed_keys", "versions", "processor", "device", "blas"]
 
 
 def collect(folder: Path) -> Study:
@@ -28,6 +28,7 @@ def collect(folder: Path) -> Study:
         write_csv(out / "runs.csv", study.runs)
         write_csv(out / "evaluations.csv", study.evaluations)
         write_csv(out / "training.csv", _six_digits(study.training))
+        write_csv(out / "operations.csv", study.operations)
         about = {
             "format": FORMAT,
             "study": study.name,
@@ -57,6 +58,7 @@ def load(folder: Path) -> Study:
             runs=read_csv(source / "runs.csv", dtype=dict.fromkeys(_TEXT, str)),
             evaluations=read_csv(source / "evaluations.csv", dtype={"arm": str, "algo": str, "env": str}),
             training=read_csv(source / "training.csv", dtype={"arm": str, "algo": str, "env": str}),
+            operations=read_csv(source / "operations.csv", dtype={"arm": str, "algo": str, "env": str}),
             configurations=about["configurations"],
             hashed_keys=about["hashed_keys"],
             refused=[Refused(**cell | {"seeds": tuple(cell["seeds"])}) for cell in about["refused"]],
@@ -64,7 +66,7 @@ def load(folder: Path) -> Study:
         )
     except InputError:
         raise
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         check_study(folder)
         raise InputError(f"{folder} has not been collected: {again} first.") from None
     except (OSError, ValueError, TypeError, KeyError) as error:

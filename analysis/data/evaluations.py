@@ -13,8 +13,8 @@ from analysis.data.errors import UnreadableRunError
 from analysis.data.files import whole_lines
 
 COLUMNS = ["step", "episode", "return", "length"]
-#: Squares of larger returns leave the range of float64 in sums, and no task gives them.
-LARGEST_RETURN = 1e30
+#: No task gives larger returns, and float64 adds nothing of an ordinary one to them.
+LARGEST_RETURN = 1e15
 _MEGABYTES = 64
 
 
@@ -91,17 +91,17 @@ def _refuse_impossible(rows: pd.DataFrame, episodes: int, total_steps: int) -> N
         (
             (rows["episode"] < 0) | (rows["episode"] >= episodes),
             "episode",
-            f"its configuration says {episodes}, from 0",
+            f"its configuration says {episodes} episodes, 0 to {episodes - 1}",
         ),
         (rows["length"] < 1, "length", "an episode has at least one step"),
         (
             np.isfinite(rows["return"]) & (rows["return"].abs() > LARGEST_RETURN),
             "return",
-            f"statistics end at {LARGEST_RETURN:g}",
+            f"no task gives more than {LARGEST_RETURN:g}",
         ),
     )
     for wrong, column, right in rules:
         if wrong.any():
-            row = rows[wrong].iloc[0]
-            where = "" if column == "step" else f" at step {int(row['step']):,}"
-            raise UnreadableRunError(f"its evaluations.csv has {column} {row[column]:,}{where}; {right}")
+            first = int(np.flatnonzero(wrong)[0])
+            where = "" if column == "step" else f" at step {rows['step'].iloc[first]:,}"
+            raise UnreadableRunError(f"its evaluations.csv has {column} {rows[column].iloc[first]:,}{where}; {right}")

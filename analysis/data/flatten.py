@@ -9,7 +9,7 @@ from typing import Any
 #: code hashed by until it wrote that list.
 NOT_HASHED = frozenset(
     {"study", "label", "results_dir", "on_conflict", "keep_replay", "dry_run", "sweeps", "logger", "encoder.name"}
-    | {"protocol.name", "protocol.total_steps", "protocol.checkpoint_interval"}
+    | {"protocol.name", "protocol.total_steps", "protocol.checkpoint_interval", "blas", "keep_best"}
 )
 #: Hashed, and yet no difference between two arms: which actor, under which seed.
 WHO = frozenset({"seed", "actor.name"})

@@ -46,10 +46,10 @@ def run_directories(root: Path) -> list[Found]:
     """What lies below ``runs/``, in a fixed order (seeds as numbers): every folder at the depth of ``LAYOUT``, folders
     that end above it, and links.
     """
-    return sorted(_below(root, ()), key=_natural)
+    return sorted(_below(root, (), root.resolve()), key=_natural)
 
 
-def _below(folder: Path, parts: tuple[str, ...]) -> Iterator[Found]:
+def _below(folder: Path, parts: tuple[str, ...], root: Path) -> Iterator[Found]:
     try:
         entries = sorted(folder.iterdir())
     except OSError as error:
@@ -67,10 +67,12 @@ def _below(folder: Path, parts: tuple[str, ...]) -> Iterator[Found]:
         here = (*parts, name)
         if name != path.name:
             yield Found("/".join(here), "its name is not UTF-8")
+        elif path.is_symlink() and path.is_dir() and path.resolve().is_relative_to(root):
+            yield Found("/".join(here), "it is a link to a folder of the same study")
         elif path.is_dir():
             if path.is_symlink():
                 yield Found("/".join(here), "", "it is a link; git does not carry what it leads to")
-            yield from _below(path, here)
+            yield from _below(path, here, root)
         elif path.is_symlink():
             yield Found("/".join(here), "it is a link that leads nowhere")
         elif name.startswith("seed_"):

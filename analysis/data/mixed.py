@@ -56,18 +56,12 @@ def _mixed(runs: list[Run]) -> str:
     first = runs[0]
     seeds: dict[tuple[str, int], Run] = {}
     for run in runs:
-        same_hash = run.manifest.cell_hash == first.manifest.cell_hash
-        found = _differences(first, run, same_hash)
-        where, names = _where(first, run)
-        if not same_hash:
+        if run.manifest.cell_hash != first.manifest.cell_hash:
+            where, names = _where(first, run)
+            differing = _shown(_differences(first, run)) or "their cell_hash, but in no key of config.yaml"
             return (
-                f"runs/{where} mixes two configurations: {names} differ in {_shown(found)}. "
+                f"runs/{where} mixes two configurations: {names} differ in {differing}. "
                 "Move one of them to a label or a study of its own."
-            )
-        if found:
-            return (
-                f"runs/{where} mixes two configurations: {names} have the same cell_hash and differ in "
-                f"{_shown(found)}: somebody has changed a config.yaml."
             )
         twin = seeds.setdefault((_cell(run)[2], run.manifest.seed), run)
         if twin is not run:
@@ -84,20 +78,35 @@ def _where(a: Run, b: Run) -> tuple[str, str]:
     return "/".join(left[:same]), f"{'/'.join(left[same:])} and {'/'.join(right[same:])}"
 
 
-def _differences(a: Run, b: Run, same_hash: bool) -> list[tuple[str, Any, Any]]:
-    """The keys in which two runs differ; the engine of the code counts as one.
-
-    Two versions of the training code may write the same configuration with another set of keys, so where the hashes are
-    equal, only keys that both have can contradict them.
-    """
-    hashed = [run.manifest.hashed_keys and [*run.manifest.hashed_keys, "engine"] for run in (a, b)]
+def _differences(a: Run, b: Run) -> list[tuple[str, Any, Any]]:
+    """The keys in which two runs differ; the engine of the code counts as one."""
+    hashed = [[*run.manifest.hashed_keys, "engine"] if run.manifest.hashed_keys else None for run in (a, b)]
     left = a.config | {"engine": a.manifest.engine}
     right = b.config | {"engine": b.manifest.engine}
-    found = differing_keys(left, right, hashed[0], hashed[1], exempt=frozenset({"seed"}))
-    return [one for one in found if ABSENT not in one[1:]] if same_hash else found
+    return differing_keys(left, right, hashed[0], hashed[1], exempt=frozenset({"seed"}))
 
 
 def _shown(found: list[tuple[str, Any, Any]]) -> str:
     shown = [f"{key}: {old} against {new}" for key, old, new in found[:MOST_KEYS]]
     more = [f"and {len(found) - MOST_KEYS} more keys"] if len(found) > MOST_KEYS else []
-    return "; ".join(shown + more) or "their cell_hash, but in no key of config.yaml"
+    return "; ".join(shown + more)
+
+
+def edited(runs: list[Run]) -> list[str]:
+    """A sentence for each run whose ``config.yaml`` contradicts that of its cell's first run, though the hashes agree.
+
+    The hash was made of what ran, so the run counts. Two versions of the training code may write the same configuration
+    with another set of keys: only keys that both have contradict one another.
+    """
+    firsts: dict[tuple[str, str, str], Run] = {}
+    sentences = []
+    for run in runs:
+        first = firsts.setdefault(_cell(run), run)
+        found = [one for one in _differences(first, run) if ABSENT not in one[1:]]
+        if found:
+            where, names = _where(first, run)
+            sentences.append(
+                f"runs/{where}: {names} have the same cell_hash, and their config.yaml differ in {_shown(found)}: "
+                "somebody has changed one of the two."
+            )
+    return sentences

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterable
 
 #: The paper's five actors in the order of tables and legends.
@@ -21,21 +22,37 @@ TASKS = {
     "ant_no_contact": "Ant-v4 (N=27)",
 }
 ALGORITHMS = {"td3": "TD3", "sac": "SAC"}
+#: Longer names are shortened where they are printed: a figure has no room for them.
+LONGEST = 40
 
 
 def actor_name(arm: str) -> str:
     """How an arm is printed; one that is not the paper's keeps the name of its folder."""
-    return ACTORS.get(arm, arm)
+    return ACTORS.get(arm) or printable(arm)
 
 
 def task_name(task: str) -> str:
     """How a task is printed."""
-    return TASKS.get(task, task)
+    return TASKS.get(task) or printable(task)
 
 
 def algorithm_name(algo: str) -> str:
     """How an algorithm is printed."""
-    return ALGORITHMS.get(algo, algo.upper())
+    return ALGORITHMS.get(algo) or printable(algo.upper())
+
+
+def on_one_line(words: str) -> str:
+    """Without line breaks and control characters, which others may have put into labels and messages."""
+    return "".join(character if character.isprintable() else " " for character in words)
+
+
+def printable(name: str) -> str:
+    """On one line, and no longer than ``LONGEST``: beginning, end and a digest that tells two such names apart."""
+    line = on_one_line(name)
+    if len(line) <= LONGEST:
+        return line
+    digest = hashlib.sha256(name.encode("utf-8", "surrogatepass")).hexdigest()[:4]
+    return f"{line[:22]}…{line[-10:]} ({digest})"
 
 
 def ordered(names: Iterable[str], known: Iterable[str]) -> list[str]:

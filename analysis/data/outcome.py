@@ -82,10 +82,8 @@ def _alone(run: Run) -> Judged:
     asked = run.manifest.total_steps
     if outcome == Outcome.FINISHED and last != asked:
         outcome = Outcome.UNFINISHED
-        warnings.append(
-            f"its manifest says complete, but its evaluations end at step {last:,} of {asked:,}; it counts as "
-            "unfinished"
-        )
+        reached = f"its evaluations end at step {last:,} of {asked:,}" if last >= 0 else "it has no evaluation"
+        warnings.append(f"its manifest says complete, but {reached}; it counts as unfinished")
     if outcome == Outcome.DIVERGED and last < 0:
         outcome = Outcome.UNFINISHED
         warnings.append(
@@ -115,5 +113,5 @@ def _among_others(judged: Judged, training_steps: int) -> Judged:
         )
     elif outcome == Outcome.FINISHED:
         interval = judged.run.settings.protocol.evaluation_interval
-        warnings += missing_evaluations(judged.evaluations["step"], interval, training_steps)
+        warnings += missing_evaluations(judged.run.evaluations["step"], interval, training_steps)
     return Judged(judged.run, outcome, judged.evaluations, training_steps, tuple(warnings))

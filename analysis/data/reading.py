@@ -16,6 +16,7 @@ import pandas as pd
 from analysis.data.errors import UnreadableRunError
 from analysis.data.evaluations import read_evaluations
 from analysis.data.files import read_text
+from analysis.data.operations import Operations, read_operations
 from analysis.data.schema import Configuration, Manifest, check_configuration, parse_manifest
 from analysis.data.training_log import read_training
 from analysis.data.yaml_tree import load_tree
@@ -36,6 +37,7 @@ class Run:
         evaluations: one row per evaluation, ``step, return, length``; returns may be NaN or infinite.
         training: the rows of ``training.csv``.
         warnings: what was left out of it, as clauses.
+        operations: what a decision of its policy costs, where that was counted.
     """
 
     path: str
@@ -45,6 +47,7 @@ class Run:
     evaluations: pd.DataFrame
     training: pd.DataFrame
     warnings: tuple[str, ...]
+    operations: Operations | None
 
 
 def read_run(folder: Path, path: str) -> Run:
@@ -67,7 +70,8 @@ def read_run(folder: Path, path: str) -> Run:
     )
     early = (manifest.step or 0) < protocol.evaluation_interval
     training = read_training(folder / "training.csv", warnings, early)
-    return Run(path, manifest, config, settings, evaluations, training, tuple(warnings))
+    operations = read_operations(folder / "operations.json", warnings)
+    return Run(path, manifest, config, settings, evaluations, training, tuple(warnings), operations)
 
 
 def _manifest(folder: Path, path: str) -> Manifest:

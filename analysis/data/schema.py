@@ -66,7 +66,7 @@ class Manifest(_File):
     seed: Count
     cell_hash: str
     total_steps: Positive
-    hashed_keys: list[str] | None = None
+    hashed_keys: list[str] = []  # empty: written before the training code listed them
     configuration_hash: str | None = None
     engine: Count | None = None
     step: Count | None = None
@@ -80,6 +80,7 @@ class Manifest(_File):
     commit: str | None = None
     dirty: bool | None = None
     processor: str | None = None
+    blas: dict[str, str | None] = {}
     threads: Count | None = None
     device: str | None = None
     failure: Failure | None = None

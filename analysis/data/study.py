@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,9 @@ from analysis.data.arms import arm_of
 from analysis.data.errors import UnreadableRunError
 from analysis.data.flatten import flatten
 from analysis.data.folders import check_study, run_directories
-from analysis.data.mixed import Refused, without_mixed
+from analysis.data.mixed import Refused, edited, without_mixed
+from analysis.data.names import ACTORS, LONGEST, on_one_line, printable
+from analysis.data.operations import COLUMNS as OPERATION_COLUMNS
 from analysis.data.outcome import Judged, Outcome, counts, judge
 from analysis.data.reading import Run, read_run
 from analysis.data.training_steps import due
@@ -46,11 +49,15 @@ RUN_COLUMNS = [
     "commit",
     "dirty",
     "processor",
+    "blas",
     "threads",
     "device",
     "versions",
 ]
 EVALUATION_COLUMNS = [*KEYS, "step", "return", "length", "counts_as", "carried"]
+
+LONGEST_WARNING = 2_000
+BLAS_KEYS = ("library", "version", "architecture")
 
 
 @dataclass
@@ -66,6 +73,7 @@ class Study:
         hashed_keys: the keys of it that change numbers, by the same key, where the manifests list them.
         refused: cells that mix configurations; none of their runs stands in the frames.
         warnings: what a reader has to know, sentences.
+        operations: one row per run that has an ``operations.json``, ``KEYS`` and the totals of a decision.
     """
 
     name: str
@@ -76,6 +84,7 @@ class Study:
     hashed_keys: dict[str, list[str]] = field(default_factory=dict)
     refused: list[Refused] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
+    operations: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=[*KEYS, *OPERATION_COLUMNS]))
 
     @property
     def counted(self) -> pd.DataFrame:
@@ -122,6 +131,7 @@ def _assemble(name: str, judged: list[Judged], refused: list[Refused], warnings:
         evaluations=_concat([_with_carried(one).assign(**_keys(one.run)) for one in judged], EVALUATION_COLUMNS),
         training=_training(judged),
         refused=refused,
+        operations=_operations(judged),
     )
     for cell in refused:
         seeds = ", ".join(map(str, cell.seeds))
@@ -131,12 +141,25 @@ def _assemble(name: str, judged: list[Judged], refused: list[Refused], warnings:
         manifest = one.run.manifest
         key = f"{manifest.algo}/{manifest.env}/{arm_of(one.run)[0]}"
         study.configurations.setdefault(key, one.run.config)
-        if manifest.hashed_keys is not None:
+        if manifest.hashed_keys:
             study.hashed_keys.setdefault(key, manifest.hashed_keys)
         study.warnings += [f"runs/{one.run.path}: {warning}." for warning in (*one.run.warnings, *one.warnings)]
         study.warnings += [f"runs/{one.run.path}, from its manifest: {note}" for note in manifest.notes]
+    study.warnings += [
+        f"{arm} is printed as {printable(arm)}: figures have no room for {len(arm)} characters."
+        for arm in study.runs["arm"].unique()
+        if arm not in ACTORS and len(arm) > LONGEST
+    ]
+    study.warnings += edited([one.run for one in judged])
     study.warnings += _copies(study.evaluations)
+    study.warnings += _several_blas(judged)
+    study.warnings = [_sentence(warning) for warning in study.warnings]
     return study
+
+
+def _sentence(warning: str) -> str:
+    line = on_one_line(warning)
+    return line if len(line) <= LONGEST_WARNING else f"{line[:LONGEST_WARNING]}…"
 
 
 def _keys(run: Run) -> dict[str, Any]:
@@ -156,9 +179,10 @@ def _row(judged: Judged) -> dict[str, Any]:
         "counts_as": judged.outcome.value,
         "training_steps": judged.training_steps,
         "evaluations": len(judged.evaluations),
-        "failure": str(manifest.failure) if manifest.failure else None,
+        "failure": on_one_line(str(manifest.failure)) if manifest.failure else None,
         "path": run.path,
         "changed_keys": json.dumps(manifest.changed_keys, sort_keys=True),
+        "blas": " ".join(value for value in map(manifest.blas.get, BLAS_KEYS) if value) or None,
         "versions": json.dumps(manifest.versions, sort_keys=True),
         "actor_parameters": manifest.parameters.actor,
         "critic_parameters": manifest.parameters.critic,
@@ -181,6 +205,11 @@ def _training(judged: list[Judged]) -> pd.DataFrame:
     frames = [one.run.training.assign(**_keys(one.run)) for one in judged]
     columns = dict.fromkeys(column for frame in frames for column in frame.columns if column not in KEYS)
     return _concat(frames, [*KEYS, *dict.fromkeys(["step", *columns])])
+
+
+def _operations(judged: list[Judged]) -> pd.DataFrame:
+    rows = [_keys(one.run) | one.run.operations.totals() for one in judged if one.run.operations]
+    return pd.DataFrame(rows, columns=[*KEYS, *OPERATION_COLUMNS])
 
 
 def _concat(frames: list[pd.DataFrame], columns: list[str]) -> pd.DataFrame:
@@ -207,6 +236,15 @@ def _copies(evaluations: pd.DataFrame) -> list[str]:
                     "one of them looks like a copy of the other, and n counts both."
                 )
     return found
+
+
+def _several_blas(judged: list[Judged]) -> list[str]:
+    """Results agree bit by bit only where the same library made the matrix products."""
+    used = Counter(blas for one in judged if (blas := one.run.manifest.blas.get("library")))
+    if len(used) < 2:
+        return []
+    shown = ", ".join(f"{library} in {count}" for library, count in sorted(used.items()))
+    return [f"The runs used several BLAS libraries ({shown} runs): the last bits of their results differ by library."]
 
 
 def flat_configuration(study: Study, algo: str, env: str, arm: str) -> dict[str, Any]:

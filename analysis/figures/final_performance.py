@@ -5,34 +5,34 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from analysis.claims_file import Claims
-from analysis.data.cells import Cell, select
+from analysis.coverage import covers
+from analysis.data.cells import select
 from analysis.data.names import actor_name, algorithm_name, ordered_arms, task_name
-from analysis.data.study import Study
 from analysis.figures.drawing import Drawing
+from analysis.figures.view import View
 from analysis.hypothesis_tests import INTERVAL_SEEDS, t_interval
-from analysis.style import looks, panels
+from analysis.style import looks, lowest, panels
 
 
-def draw(study: Study, cells: list[Cell], algo: str, claims: Claims) -> list[Drawing]:
-    """``final-<algo>``: seeds as points, the mean as a bar, its 95% t interval from three seeds on."""
-    name, title = f"final-{algo}", f"Final performance by seed, {algorithm_name(algo)}"
+def draw(view: View) -> list[Drawing]:
+    """``final-<algo>``: seeds as points, the mean as a bar, its 95% t interval where there are seeds enough."""
+    name, title = f"final-{view.algo}", f"Final performance by seed, {algorithm_name(view.algo)}"
     caption = (
         "Each point is a run: the mean of its evaluations in the last 10% of its steps. Vertical bar: mean over seeds; "
-        f"line: its 95% t interval (from {INTERVAL_SEEDS} seeds on). Crosses are diverged runs with their last value "
-        "carried forward."
+        f"line: its 95% t interval (from {INTERVAL_SEEDS} seeds on). Crosses: diverged runs, their last value carried "
+        f"forward. {covers('mean')}"
     )
-    here = [cell for cell in select(cells, algo) if cell.n]
+    here = [cell for cell in view.here if cell.n]
     if not here:
-        return [Drawing(name, title, caption, missing=f"No finished run under {algorithm_name(algo)}.")]
+        return [Drawing(name, title, caption, missing=f"No finished run under {algorithm_name(view.algo)}.")]
     tasks, arms = list(dict.fromkeys(cell.env for cell in here)), ordered_arms({cell.arm for cell in here})
     style = looks(arms)
-    figure, axes = panels(len(tasks), width=3.4, height=0.75 + 0.3 * len(arms), columns=2)
+    figure, axes = panels(view.style, len(tasks), width=3.4, height=0.75 + 0.24 * len(arms), columns=2)
     rows = []
-    for index, (axis, env) in enumerate(zip(axes, tasks)):
+    for axis, env in zip(axes, tasks):
         shown = select(here, env=env)
         for place, cell in enumerate(shown):
-            arm, look = cell.arm, style[cell.arm]
+            look = style[cell.arm]
             low, high = t_interval(cell.final)
             offsets = np.linspace(-0.2, 0.2, cell.n) if cell.n > 1 else np.zeros(1)
             ok = ~cell.diverged
@@ -45,7 +45,7 @@ def draw(study: Study, cells: list[Cell], algo: str, claims: Claims) -> list[Dra
             rows += [
                 {
                     "env": env,
-                    "arm": arm,
+                    "arm": cell.arm,
                     "seed": int(seed),
                     "final": float(value),
                     "diverged": bool(bad),
@@ -59,6 +59,14 @@ def draw(study: Study, cells: list[Cell], algo: str, claims: Claims) -> list[Dra
         axis.set_ylim(len(shown) - 0.5, -0.5)
         axis.set_title(task_name(env))
         axis.grid(False, axis="y")
-        if index >= len(tasks) - 2:
-            axis.set_xlabel("Final performance (return)")
-    return [Drawing(name, title, caption, figure=figure, data=pd.DataFrame(rows))]
+    for axis in lowest(axes):
+        axis.set_xlabel("Final performance (return)")
+    alt = "Final performance, mean and range over seeds: " + "; ".join(
+        f"{task_name(env)}: "
+        + ", ".join(
+            f"{actor_name(cell.arm)} {cell.final.mean():,.0f} ({cell.final.min():,.0f} to {cell.final.max():,.0f})"
+            for cell in select(here, env=env)
+        )
+        for env in tasks
+    )
+    return [Drawing(name, title, caption, figure=figure, data=pd.DataFrame(rows), alt=f"{alt}.")]

@@ -1,40 +1,60 @@
-"""The paper's figures main-td3 and main-sac: average return over training, one panel per task."""
+"""The paper's figures main-td3 and main-sac: average return over training, one panel per task, every actor in each."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
 from analysis import metrics
-from analysis.claims_file import Claims
 from analysis.data.cells import Cell, select
-from analysis.data.names import actor_name, algorithm_name, task_name
-from analysis.data.study import Study
+from analysis.data.names import actor_name, algorithm_name, ordered_arms, task_name
 from analysis.figures.drawing import Drawing
-from analysis.style import Look, legend_below, looks, panels, step_axis
-
-MAIN = ("aan", "popsan", "bptsan")
-
-
-def draw(study: Study, cells: list[Cell], algo: str, claims: Claims) -> list[Drawing]:
-    """``main-<algo>`` with the paper's three actors, and ``others-<algo>`` with all further arms beside BPT-SAN."""
-    here = select(cells, algo)
-    main = [cell for cell in here if cell.arm in MAIN]
-    others = [cell for cell in here if cell.arm not in MAIN]
-    title = f"Average return, {algorithm_name(algo)}"
-    drawings = [_drawing(f"main-{algo}", f"{title}: AAN, regular SAN, BPT-SAN", main)]
-    if others:
-        beside = [cell for cell in here if cell.arm not in ("aan", "popsan")]
-        drawings.append(_drawing(f"others-{algo}", f"{title}: ablations and variants beside BPT-SAN", beside))
-    return drawings
+from analysis.figures.facets import facets
+from analysis.figures.view import View
+from analysis.style import Look, leftmost, legend_below, looks, lowest, panel_grid, panels, step_axis, svg_dashes
 
 
-def curve_of(cell: Cell, window: int = metrics.SMOOTHING_WINDOW) -> pd.DataFrame:
+def draw(view: View) -> list[Drawing]:
+    """``main-<algo>``: all arms in every panel; where they are many, a row of panels per group, baselines in each."""
+    name, title = f"main-{view.algo}", f"Average return, {algorithm_name(view.algo)}"
+    cells = [cell for cell in view.here if len(cell.all_evaluations)]
+    if not cells:
+        return [Drawing(name, title, "", missing="No run has been evaluated yet.")]
+    tasks = list(dict.fromkeys(cell.env for cell in cells))
+    arms = ordered_arms({cell.arm for cell in cells})
+    groups = facets(arms, view.claims)
+    curves = {(cell.env, cell.arm): curve_of(cell) for cell in cells}
+    style = looks(arms)
+    if len(groups) == 1:
+        figure, axes = panels(view.style, len(tasks), width=2.8 if len(tasks) < 3 else 2.35)
+    else:
+        figure, axes = panel_grid(view.style, len(groups), len(tasks), height=1.75)
+    places = [(group, env) for group in groups for env in tasks]
+    for index, (axis, (group, env)) in enumerate(zip(axes, places)):
+        here = [cell for cell in select(cells, env=env) if cell.arm in group]
+        for cell in here:
+            _plot(axis, curves[env, cell.arm], style[cell.arm], _label(cell.arm, tasks, curves))
+        step_axis(axis, max(cell.training_steps for cell in select(cells, env=env)), named=axis in lowest(axes))
+        if index < len(tasks):
+            axis.set_title(task_name(env))
+    for axis in leftmost(axes):
+        axis.set_ylabel("Average return")
+    legend_below(figure, axes)
+    drawn = [(cell, curves[cell.env, cell.arm]) for cell in cells]
+    frame = pd.concat([curve.assign(env=cell.env, arm=cell.arm) for cell, curve in drawn], ignore_index=True)
+    payload = _payload(cells, curves, style, groups[0])
+    return [Drawing(name, title, _caption(curves, groups), figure=figure, data=frame, alt=_alt(drawn), curves=payload)]
+
+
+def curve_of(cell: Cell) -> pd.DataFrame:
     """What is drawn of a cell, by step: mean, half standard deviation, both smoothed, and n."""
     steps, returns, _ = metrics.seed_matrix(cell.all_evaluations)
     curve = metrics.mean_curve(returns)
     half = metrics.half_std(returns)
+    window = metrics.smoothing_window(len(steps))
     smoothed = metrics.smooth(curve.mean, window)
     return pd.DataFrame(
         {
@@ -42,57 +62,35 @@ def curve_of(cell: Cell, window: int = metrics.SMOOTHING_WINDOW) -> pd.DataFrame
             "n": curve.n,
             "mean": curve.mean,
             "half_std": half,
+            "window": window,
             "mean_smoothed": smoothed,
             "half_std_smoothed": np.where(np.isnan(half), np.nan, metrics.smooth(half, window)),
         }
     )
 
 
-def _drawing(name: str, title: str, cells: list[Cell]) -> Drawing:
-    caption = (
-        "Mean over seeds of the evaluation return; shaded: half a standard deviation over seeds (ddof=1, none for a "
-        f"single seed). Smoothed for display with a centred moving average over {metrics.SMOOTHING_WINDOW} "
-        f"evaluations, "
-        "shortened on both sides alike at the edges. n: seeds, by panel where they differ, a range where they differ "
-        "by "
-        "step. Unfinished runs are drawn as far as they went; a thin line marks steps with fewer seeds than n. A "
-        "diverged "
-        "run's last value is carried forward."
+def _caption(curves: dict[tuple[str, str], pd.DataFrame], groups: list[list[str]]) -> str:
+    windows = sorted({(int(curve["window"].iloc[0]), len(curve)) for curve in curves.values()})
+    shown = ", ".join(f"{window} of {count}" for window, count in windows[:3]) + (", …" if len(windows) > 3 else "")
+    facet = f" The actors stand in {len(groups)} rows of panels, the baselines in each." if len(groups) > 1 else ""
+    return (
+        "Mean over seeds of the evaluation return, smoothed for display by a centred moving average over "
+        f"{shown} evaluations; faint: the raw mean; shaded: half a standard deviation over seeds (ddof=1). "
+        f"n: seeds.{facet} The window is shortened on both sides alike at the edges. Unfinished runs are drawn as far "
+        "as they went; a thin line marks steps with fewer seeds than n. A diverged run's last value is carried forward."
     )
-    cells = [cell for cell in cells if len(cell.all_evaluations)]
-    if not cells:
-        wanted = ", ".join(map(actor_name, MAIN))
-        return Drawing(name, title, caption, missing=f"No run of {wanted} has been evaluated yet.")
-    tasks = list(dict.fromkeys(cell.env for cell in cells))
-    style = looks(list(dict.fromkeys(cell.arm for cell in cells)))
-    figure, axes = panels(len(tasks))
-    frames = []
-    curves = {(cell.env, cell.arm): curve_of(cell) for cell in cells}
-    for axis, env in zip(axes, tasks):
-        for cell in select(cells, env=env):
-            curve = curves[env, cell.arm]
-            frames.append(curve.assign(env=env, arm=cell.arm))
-            _plot(axis, curve, style[cell.arm], _label(cell.arm, tasks, curves))
-        step_axis(axis, max(cell.training_steps for cell in select(cells, env=env)))
-        axis.set_title(task_name(env))
-    for axis in axes[:: min(len(axes), 4)]:
-        axis.set_ylabel("Average return")
-    legend_below(figure, axes)
-    return Drawing(name, title, caption, figure=figure, data=pd.concat(frames, ignore_index=True))
 
 
 def _plot(axis: Axes, curve: pd.DataFrame, look: Look, label: str) -> None:
-    most = curve["n"].max()
-    full = curve["n"] == most
-    axis.plot(curve["step"], curve["mean_smoothed"], color=look.color, linestyle=look.line, linewidth=0.6)
+    step, smoothed = curve["step"], curve["mean_smoothed"]
+    full = curve["n"] == curve["n"].max()
+    axis.plot(step, curve["mean"], color=look.color, linewidth=0.5, alpha=0.35)
+    axis.plot(step, smoothed, color=look.color, linestyle=look.line, linewidth=0.6)
     if len(curve) == 1:  # a line of one point is not seen
-        axis.plot(
-            curve["step"], curve["mean_smoothed"], color=look.color, marker=look.marker, markersize=4, clip_on=False
-        )
-    whole = curve["mean_smoothed"].where(full)
-    axis.plot(curve["step"], whole, color=look.color, linestyle=look.line, label=label)
-    low, high = (curve["mean_smoothed"] + sign * curve["half_std_smoothed"] for sign in (-1, 1))
-    axis.fill_between(curve["step"], low, high, color=look.color, alpha=0.15, linewidth=0)
+        axis.plot(step, smoothed, color=look.color, marker=look.marker, markersize=4, clip_on=False)
+    axis.plot(step, smoothed.where(full), color=look.color, linestyle=look.line, label=label)
+    low, high = (smoothed + sign * curve["half_std_smoothed"] for sign in (-1, 1))
+    axis.fill_between(step, low, high, color=look.color, alpha=0.13, linewidth=0)
 
 
 def _label(arm: str, tasks: list[str], curves: dict[tuple[str, str], pd.DataFrame]) -> str:
@@ -104,3 +102,52 @@ def _label(arm: str, tasks: list[str], curves: dict[tuple[str, str], pd.DataFram
 def _n(curve: pd.DataFrame) -> str:
     low, high = int(curve["n"].min()), int(curve["n"].max())
     return str(high) if low == high else f"{low}–{high}"
+
+
+def _alt(drawn: list[tuple[Cell, pd.DataFrame]]) -> str:
+    """Where each curve ends, by task."""
+    words = []
+    for env in dict.fromkeys(cell.env for cell, _ in drawn):
+        ends = [
+            f"{actor_name(cell.arm)} {curve['mean_smoothed'].iloc[-1]:,.0f} at step {int(curve['step'].iloc[-1]):,}"
+            for cell, curve in drawn
+            if cell.env == env
+        ]
+        words.append(f"{task_name(env)}: {', '.join(ends)}")
+    return f"Learning curves end at: {'; '.join(words)}."
+
+
+def _payload(
+    cells: list[Cell], curves: dict[tuple[str, str], pd.DataFrame], style: dict[str, Look], first: list[str]
+) -> dict[str, Any]:
+    """The same curves and each seed's own for the page's script, to five significant digits; NaN as null."""
+    arms = [
+        {"arm": arm, "name": actor_name(arm), "color": look.color, "dash": svg_dashes(look.line)}
+        for arm, look in style.items()
+    ]
+    tasks = []
+    for env in dict.fromkeys(cell.env for cell in cells):
+        here = select(cells, env=env)
+        lines = []
+        for cell in here:
+            curve = curves[env, cell.arm]
+            half = curve["half_std_smoothed"]
+            steps, returns, _ = metrics.seed_matrix(cell.all_evaluations)
+            own = [(steps[~np.isnan(seed)].tolist(), _digits(seed[~np.isnan(seed)])) for seed in returns]
+            lines.append(
+                next(arm for arm in arms if arm["arm"] == cell.arm)
+                | {
+                    "steps": steps.tolist(),
+                    "mean": _digits(curve["mean"]),
+                    "smooth": _digits(curve["mean_smoothed"]),
+                    "low": _digits(curve["mean_smoothed"] - half),
+                    "high": _digits(curve["mean_smoothed"] + half),
+                    "seeds": own,
+                }
+            )
+        tasks.append({"label": task_name(env), "horizon": max(cell.training_steps for cell in here), "arms": lines})
+    return {"arms": arms, "first": first, "tasks": tasks}
+
+
+def _digits(values: Any) -> list[float | None]:
+    return [None if value != value else float(f"{value:.5g}") for value in values]

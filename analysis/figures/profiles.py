@@ -6,40 +6,31 @@ import numpy as np
 import pandas as pd
 
 from analysis import bootstrap
-from analysis.claims_file import Claims
-from analysis.data.cells import Cell
-from analysis.data.names import actor_name, algorithm_name, task_name
-from analysis.data.study import Study
+from analysis.coverage import covers
+from analysis.data.names import actor_name, algorithm_name
 from analysis.figures.drawing import Drawing
+from analysis.figures.over_tasks import arms_and_tasks, none, tasks_in_words, those_left_out
+from analysis.figures.view import View
 from analysis.hypothesis_tests import INTERVAL_SEEDS
-from analysis.statistics.aggregates import complete_arms, left_out, scores_of, tasks_of
+from analysis.statistics.aggregates import scores_of
 from analysis.style import legend_below, looks, panels
 
 
-def draw(study: Study, cells: list[Cell], algo: str, claims: Claims) -> list[Drawing]:
+def draw(view: View) -> list[Drawing]:
     """``profile-<algo>`` over normalised final performance."""
-    name, title = f"profile-{algo}", f"Performance profile, {algorithm_name(algo)}"
-    tasks, arms = tasks_of(cells, algo, claims), complete_arms(cells, algo, claims)
+    name, title = f"profile-{view.algo}", f"Performance profile, {algorithm_name(view.algo)}"
+    arms, tasks = arms_and_tasks(view)
     caption = (
-        f"Share of runs whose normalised final performance exceeds a threshold, over "
-        f"{', '.join(map(task_name, tasks)) or 'no task'}, tasks weighing the same; a curve above another at every "
-        "threshold is better everywhere. Shaded: pointwise 95% stratified bootstrap interval (from three seeds on). "
-        f"{bootstrap.FEW_SEEDS}" + left_out(cells, algo, claims)
+        f"Share of runs whose normalised final performance exceeds a threshold, over {tasks_in_words(tasks)}, tasks "
+        "weighing the same; a curve above another at every threshold is better everywhere. Shaded: pointwise 95% "
+        f"stratified bootstrap interval (from {INTERVAL_SEEDS} seeds on). {covers('profile')}" + those_left_out(view)
     )
     if not arms:
-        return [
-            Drawing(
-                name,
-                title,
-                caption,
-                missing="No actor has finished runs on every task that has a reference score."
-                + left_out(cells, algo, claims),
-            )
-        ]
-    scores = {arm: [scores_of(cells, algo, arm)[env] for env in tasks] for arm in arms}
+        return none(name, title, caption, view)
+    scores = {arm: [scores_of(view.cells, view.algo, arm)[env] for env in tasks] for arm in arms}
     every = np.concatenate([values for arm in arms for values in scores[arm]])
     thresholds = np.linspace(min(0.0, float(np.floor(every.min()))), max(float(np.ceil(every.max())), 10.0), 101)
-    figure, (axis,) = panels(1, width=4.6, height=2.6)
+    figure, (axis,) = panels(view.style, 1, width=4.6, height=2.4)
     style, frames = looks(arms), []
     for arm in arms:
         curve = bootstrap.profile(scores[arm], thresholds)
@@ -58,4 +49,7 @@ def draw(study: Study, cells: list[Cell], algo: str, claims: Claims) -> list[Dra
     axis.set_ylabel("Share of runs with score > τ")
     axis.set_ylim(-0.02, 1.02)
     legend_below(figure, [axis], 2)
-    return [Drawing(name, title, caption, figure=figure, data=pd.concat(frames, ignore_index=True))]
+    data = pd.concat(frames, ignore_index=True)
+    halves = [f"{actor_name(arm)} {np.median(np.concatenate(scores[arm])):.1f}" for arm in arms]
+    alt = f"Median normalised score of the runs, where a profile crosses one half: {', '.join(halves)}."
+    return [Drawing(name, title, caption, figure=figure, data=data, alt=alt, folded=True)]

@@ -5,11 +5,9 @@ from __future__ import annotations
 import pandas as pd
 from matplotlib import pyplot as plt
 
-from analysis.claims_file import Claims
-from analysis.data.cells import Cell
 from analysis.data.names import actor_name, algorithm_name, ordered_arms, ordered_tasks, task_name
-from analysis.data.study import Study
 from analysis.figures.drawing import Drawing
+from analysis.figures.view import View
 from analysis.health import MEASURES, over_training
 from analysis.style import looks, step_axis
 
@@ -21,30 +19,27 @@ _SHORT = {
 }
 
 
-def draw(study: Study, cells: list[Cell], algo: str, claims: Claims) -> list[Drawing]:
+def draw(view: View) -> list[Drawing]:
     """``health-<algo>-<task>``; one that says so where no spiking actor has run."""
-    table = over_training(study, algo)
+    table = over_training(view.study, view.algo)
     table = table[table["layer"] > 0]
     if table.empty:
-        return [
-            Drawing(
-                f"health-{algo}",
-                f"Spiking health, {algorithm_name(algo)}",
-                "",
-                "health",
-                missing="No run of a spiking actor has been logged.",
-            )
-        ]
-    return [_drawing(study, algo, env, table[table["env"] == env]) for env in ordered_tasks(table["env"])]
+        title = f"Spiking health, {algorithm_name(view.algo)}"
+        missing = "No run of a spiking actor has been logged."
+        return [Drawing(f"health-{view.algo}", title, "", "health", missing=missing, folded=True)]
+    return [_drawing(view, env, table[table["env"] == env]) for env in ordered_tasks(table["env"])]
 
 
-def _drawing(study: Study, algo: str, env: str, table: pd.DataFrame) -> Drawing:
+def _drawing(view: View, env: str, table: pd.DataFrame) -> Drawing:
     layers, arms = sorted(table["layer"].unique()), ordered_arms(table["arm"])
     style = looks(arms)
-    training_steps = int(
-        study.runs.loc[(study.runs["algo"] == algo) & (study.runs["env"] == env), "training_steps"].max()
+    runs = view.study.runs[(view.study.runs["algo"] == view.algo) & (view.study.runs["env"] == env)]
+    training_steps = int(runs["training_steps"].max())
+    width, height, below = (
+        view.style.width(2.2 * len(layers) + 0.5),
+        1.1 * len(MEASURES) + 1.1,
+        0.55 + 0.18 * -(-len(arms) // 3),
     )
-    width, height, below = 2.2 * len(layers) + 0.5, 1.1 * len(MEASURES) + 1.1, 0.55 + 0.18 * -(-len(arms) // 3)
     shape = len(MEASURES), len(layers)
     with plt.rc_context({"figure.constrained_layout.use": False}):
         figure, axes = plt.subplots(*shape, figsize=(width, height), squeeze=False, sharex=True, sharey="row")
@@ -86,10 +81,16 @@ def _drawing(study: Study, algo: str, env: str, table: pd.DataFrame) -> Drawing:
     figure.legend(handles, labels, loc="lower center", ncols=min(3, len(arms)), handlelength=3.2, borderaxespad=0.2)
     caption = (
         "Means over runs of training batches. Window share: (neuron, step) pairs whose membrane lies where the "
-        "surrogate gradient is not zero; "
-        "always on, never on: neurons that fire at every, or no, step for every sample of a batch. A window share "
-        "near 0 with many neurons "
-        "always on is saturation, the way in which spiking actors fail. Unfinished runs included."
+        "surrogate gradient is not zero; always on, never on: neurons that fire at every, or no, step for every sample "
+        "of a batch. A window share near 0 with many neurons always on is saturation, the way in which spiking actors "
+        "fail. Unfinished runs included."
     )
-    title = f"Spiking health, {algorithm_name(algo)}, {task_name(env)}"
-    return Drawing(f"health-{algo}-{env}", title, caption, "health", figure, table.reset_index(drop=True))
+    title = f"Spiking health, {algorithm_name(view.algo)}, {task_name(env)}"
+    last = table[table["step"] == table["step"].max()]
+    alt = f"At step {int(table['step'].max()):,}, " + "; ".join(
+        f"{actor_name(arm)}: "
+        + ", ".join(f"layer {layer} fires {rate:.2f}" for layer, rate in zip(own["layer"], own["value"]))
+        for arm, own in last[last["measure"] == "firing_rate"].groupby("arm", sort=True)
+    )
+    data = table.reset_index(drop=True)
+    return Drawing(f"health-{view.algo}-{env}", title, caption, "health", figure, data, alt=f"{alt}.", folded=True)

@@ -1,127 +1,100 @@
-"""A swept key (lateral radius, time steps, branches, ...): final performance against its value, found from the
-labels' changed keys.
-"""
+"""A swept key (lateral radius, time steps, branches, steps of training, ...): final performance against its value."""
 
 from __future__ import annotations
 
-import json
+from typing import Any
 
 import pandas as pd
 
-from analysis.claims_file import Claims
-from analysis.data.cells import Cell, select
-from analysis.data.names import actor_name, algorithm_name, task_name
-from analysis.data.study import Study, flat_configuration
+from analysis.coverage import covers
+from analysis.data.names import algorithm_name, ordered_tasks, task_name
 from analysis.figures.drawing import Drawing
-from analysis.hypothesis_tests import t_interval
-from analysis.style import looks, panels
+from analysis.figures.swept import ordered_values, runs_by, swept_keys
+from analysis.figures.view import View
+from analysis.hypothesis_tests import INTERVAL_SEEDS, t_interval
+from analysis.style import leftmost, legend_below, looks, lowest, panels
 
 
-def draw(study: Study, cells: list[Cell], algo: str, claims: Claims) -> list[Drawing]:
-    """``sweep-<algo>-<key>`` for each key that alone separates variants of an actor; none where nothing was swept."""
-    points = _points(study, select(cells, algo))
-    return [_drawing(algo, key, points[points["key"] == key]) for key in sorted(points["key"].unique())]
+def draw(view: View) -> list[Drawing]:
+    """``sweep-<algo>-<key>`` for each key of ``--by``, else for each key that alone separates variants of an actor."""
+    found = {key: _points(view, key) for key in view.by or swept_keys(view.study, view.algo)}
+    drawings = [_drawing(view, key, points) for key, points in found.items() if not points.empty]
+    for key in view.by:
+        if found[key].empty:
+            title = f"Return against {key}, {algorithm_name(view.algo)}"
+            missing = f"No actor has finished runs with two values of {key}."
+            drawings.append(Drawing(f"sweep-{view.algo}-{key}", title, "", missing=missing, folded=True))
+    return drawings
 
 
-def _points(study: Study, cells: list[Cell]) -> pd.DataFrame:
-    """One row per swept key, task, actor, spike coding and value: variants with that key alone changed, and the
-    unchanged actor under the same coding.
-    """
-    rows: list[dict[str, object]] = []
-    known = {
-        (str(run.algo), str(run.env), str(run.arm)): (
-            list(json.loads(str(run.changed_keys))),
-            str(run.actor),
-            str(run.label),
-            str(run.encoder),
-        )
-        for run in study.runs.itertuples()
-    }
-    about = [(cell, *known[cell.algo, cell.env, cell.arm]) for cell in cells]
-    swept = {(cell.algo, cell.env, actor, coding, keys[0]) for cell, keys, actor, _, coding in about if len(keys) == 1}
-    for algo, env, actor, coding, key in sorted(swept):
-        for cell, keys, name, label, other in about:
-            if (cell.algo, cell.env, name, other) != (algo, env, actor, coding) or not cell.n:
-                continue
-            value = _value(flat_configuration(study, algo, env, cell.arm), key)
-            if (keys and keys != [key]) or (not keys and label != actor) or value is None:
-                continue
-            low, high = t_interval(cell.final)
+def _points(view: View, key: str) -> pd.DataFrame:
+    """A row per task, line and value; lines with one value only are left out."""
+    runs = runs_by(view.study, view.algo, (key,))
+    if runs.empty:
+        return runs
+    runs = runs.assign(value=[value[0] for value in runs["value"]])
+    rows: list[dict[str, Any]] = []
+    order = {value: place for place, value in enumerate(ordered_values(runs["value"]))}
+    for (env, line), mine in runs.groupby(["env", "line"], sort=True):
+        if mine["value"].nunique() < 2:
+            continue
+        for value, group in sorted(mine.groupby("value"), key=lambda item: order[item[0]]):
+            finals = group["final"].to_numpy(dtype=float)
+            low, high = t_interval(finals)
+            seeds = " ".join(map(repr, finals.tolist()))
             rows.append(
-                {
-                    "key": key,
-                    "env": env,
-                    "actor": actor,
-                    "coding": coding,
-                    "arm": cell.arm,
-                    "value": value,
-                    "n": cell.n,
-                    "mean": float(cell.final.mean()),
-                    "low": low,
-                    "high": high,
-                    "seeds": " ".join(map(repr, cell.final.tolist())),
-                }
-            )
-    names = ["key", "env", "actor", "coding", "arm", "value", "n", "mean", "low", "high", "seeds"]
-    frame = pd.DataFrame(rows, columns=names)
-    if frame.empty:
-        return frame
-    line = ["key", "env", "actor", "coding"]
-    distinct = frame.groupby(line)["value"].transform("nunique")
-    return frame[distinct > 1].sort_values([*line, "value"]).reset_index(drop=True)
+                {"key": key, "env": env, "line": line, "value": value, "place": order[value], "n": len(finals),
+                 "mean": float(finals.mean()), "low": low, "high": high, "seeds": seeds}
+            )  # fmt: skip
+    return pd.DataFrame(rows)
 
 
-def _value(flat: dict[str, object], key: str) -> float | None:
-    """The key's value as a number; the key may or may not carry its group's name."""
-    for name in (key, f"actor.{key}", f"encoder.{key}", f"algo.{key}"):
-        value = flat.get(name)
-        if isinstance(value, (int, float)) and not isinstance(value, bool):
-            return float(value)
-    return None
+def _groups(points: pd.DataFrame) -> list[tuple[str, str, pd.DataFrame]]:
+    pairs = dict.fromkeys(zip(points["env"], points["line"]))
+    return [(env, line, points[(points["env"] == env) & (points["line"] == line)]) for env, line in pairs]
 
 
-def _lines(points: pd.DataFrame) -> pd.Series:
-    """One line per actor, and per spike coding where one actor was swept under several."""
-    codings = points.groupby("actor")["coding"].transform("nunique")
-    return points["actor"].where(codings == 1, points["actor"] + " [" + points["coding"] + "]")
-
-
-def _drawing(algo: str, key: str, points: pd.DataFrame) -> Drawing:
-    points = points.assign(line=_lines(points))
-    tasks, lines = list(dict.fromkeys(points["env"])), list(dict.fromkeys(points["line"]))
+def _drawing(view: View, key: str, points: pd.DataFrame) -> Drawing:
+    tasks, lines = ordered_tasks(points["env"]), list(dict.fromkeys(points["line"]))
     style = looks(lines)
-    figure, axes = panels(len(tasks), width=2.6)
+    numeric = points["value"].map(lambda value: isinstance(value, (int, float))).all()
+    figure, axes = panels(view.style, len(tasks), width=2.6)
     for axis, env in zip(axes, tasks):
+        here = points[points["env"] == env]
         for line in lines:
-            mine = points[(points["env"] == env) & (points["line"] == line)]
-            look = style[line]
+            mine, look = here[here["line"] == line], style[line]
+            x = mine["value"] if numeric else mine["place"]
             axis.plot(
-                mine["value"],
-                mine["mean"],
-                color=look.color,
-                linestyle=look.line,
-                marker=look.marker,
-                markersize=4,
-                label=actor_name(line),
+                x, mine["mean"], color=look.color, linestyle=look.line, marker=look.marker, markersize=4, label=line
             )
-            axis.vlines(mine["value"], mine["low"], mine["high"], color=look.color, linewidth=1)
-            for row in mine.itertuples():
-                seeds = [float(value) for value in str(row.seeds).split()]
-                axis.scatter([row.value] * len(seeds), seeds, s=5, color=look.color, alpha=0.4, linewidth=0)
-        axis.set_xticks(sorted(points.loc[points["env"] == env, "value"].unique()))
-        axis.xaxis.set_major_formatter("{x:g}")
-        axis.set_xlabel(key)
-        n = sorted(points.loc[points["env"] == env, "n"].unique())
+            axis.vlines(x, mine["low"], mine["high"], color=look.color, linewidth=1)
+            for place, seeds in zip(x, mine["seeds"]):
+                values = [float(value) for value in str(seeds).split()]
+                axis.scatter([place] * len(values), values, s=5, color=look.color, alpha=0.4, linewidth=0)
+        if numeric:
+            axis.set_xticks(sorted(here["value"].unique()))
+            axis.xaxis.set_major_formatter("{x:g}")
+        else:
+            named = here.drop_duplicates("place").sort_values("place")
+            axis.set_xticks(named["place"], [str(value) for value in named["value"]])
+        n = sorted(here["n"].unique())
         axis.set_title(f"{task_name(env)} (n={n[0]}{'' if len(n) == 1 else f'–{n[-1]}'} each)", fontsize=8)
         axis.margins(x=0.08)
-    axes[0].set_ylabel("Final performance")
+    for axis in lowest(axes):
+        axis.set_xlabel(key)
+    for axis in leftmost(axes):
+        axis.set_ylabel("Final performance")
     if len(lines) > 1:
-        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+        legend_below(figure, axes)
     caption = (
-        f"Final performance against {key}: mean over seeds, its 95% t interval (from three seeds on), and "
-        f"the seeds. Runs in which only "
-        "this key was changed, and the unchanged actor at its own value; a line per actor and spike coding."
+        f"Final performance against {key}: mean over seeds, its 95% t interval (from {INTERVAL_SEEDS} seeds on), and "
+        f"the seeds; a line per actor and for what else was changed in it. {covers('mean')}"
     )
-    return Drawing(
-        f"sweep-{algo}-{key}", f"Return against {key}, {algorithm_name(algo)}", caption, figure=figure, data=points
-    )
+    title = f"Return against {key}, {algorithm_name(view.algo)}"
+    ends = [
+        f"{task_name(env)}, {line}: "
+        + ", ".join(f"{mean:,.0f} at {value}" for value, mean in zip(group["value"], group["mean"]))
+        for env, line, group in _groups(points)
+    ]
+    alt = f"Final performance against {key}: {'; '.join(ends)}."
+    return Drawing(f"sweep-{view.algo}-{key}", title, caption, figure=figure, data=points, alt=alt, folded=not view.by)

@@ -11,6 +11,7 @@ import pandas as pd
 
 from analysis import bootstrap
 from analysis.claims_file import Claims
+from analysis.coverage import AGGREGATES, covers
 from analysis.data.cells import Cell, select
 from analysis.data.names import actor_name, algorithm_name, ordered, ordered_arms, task_name
 from analysis.hypothesis_tests import INTERVAL_SEEDS
@@ -95,9 +96,8 @@ def table(cells: list[Cell], claims: Claims) -> Table:
         f"episodes), 100 a published artificial network after {references()['published']['steps']:,} steps (TD3: "
         f"{sources['td3']['source']}: a maximum over training, which a final performance hardly reaches. SAC: "
         f"{sources['sac']['source']}). Tasks weigh the same. 95% intervals: stratified bootstrap over seeds, "
-        f"{bootstrap.REPETITIONS:,} resamples, from {INTERVAL_SEEDS} seeds on. {bootstrap.FEW_SEEDS} IQM: the middle "
-        f"half "
-        f"of all runs. {bootstrap.IQM}"
+        f"{bootstrap.REPETITIONS:,} resamples, from {INTERVAL_SEEDS} seeds on. {covers(*AGGREGATES)} "
+        f"{bootstrap.IQM}"
     )
     frame = pd.DataFrame(rows) if rows else pd.DataFrame(columns=[key for key, _, _ in columns])
     return Table(

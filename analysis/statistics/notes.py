@@ -9,6 +9,8 @@ from analysis.claims_file import Claims
 from analysis.data.cells import Cell, select
 from analysis.data.confounds import confounds
 from analysis.data.names import actor_name, algorithm_name, task_name
+from analysis.data.outcome import Outcome, counts
+from analysis.data.schema import Status
 from analysis.data.study import Study
 from analysis.references import scale
 
@@ -16,12 +18,10 @@ MOST = 5
 
 
 def notes(study: Study, cells: list[Cell], claims: Claims) -> list[str]:
-    """About runs that did not finish, then about tasks, learning rates, variants."""
+    """About runs that did not finish, then about tasks and variants."""
     found = [note for cell in cells for note in _not_finished(study, cell)]
     for algo, env in dict.fromkeys((cell.algo, cell.env) for cell in cells):
         found += _of_task(study, cells, algo, env, claims)
-    for algo in dict.fromkeys(cell.algo for cell in cells):
-        found += _learning_rates(study, [cell for cell in cells if cell.algo == algo and cell.paper], algo)
     variants = sorted({actor_name(cell.arm) for cell in cells if not cell.paper})
     if variants:
         found.append(f"Variants, which enter no claim of the paper: {', '.join(variants)}.")
@@ -32,14 +32,14 @@ def _not_finished(study: Study, cell: Cell) -> list[str]:
     """A sentence each for a cell's failed, unfinished and diverged runs: how far they are, and why they stopped."""
     runs = study.runs
     runs = runs[(runs["algo"] == cell.algo) & (runs["env"] == cell.env) & (runs["arm"] == cell.arm)].sort_values("seed")
-    failed = runs[runs["status"] == "failed"]
-    waiting = runs[(runs["counts_as"] == "unfinished") & (runs["status"] != "failed")]
+    failed = runs[runs["status"] == Status.FAILED]
+    waiting = runs[~counts(runs) & (runs["status"] != Status.FAILED)]
     groups = (
         ("failed", failed, lambda r: f"at {_reached(r)}: {r.failure if isinstance(r.failure, str) else 'no message'}"),
         ("unfinished", waiting, lambda r: f"{r.status}, {_reached(r)}"),
         (
             "diverged",
-            runs[runs["counts_as"] == "diverged"],
+            runs[runs["counts_as"] == Outcome.DIVERGED],
             lambda r: f"at {_reached(r)}, its last value carried forward",
         ),
     )
@@ -77,15 +77,3 @@ def _of_task(study: Study, every: list[Cell], algo: str, env: str, claims: Claim
     if scale(every, algo, env) is None:
         found.append(f"{name}: no reference score, so it has no part in what is computed over tasks.")
     return found
-
-
-def _learning_rates(study: Study, paper: list[Cell], algo: str) -> list[str]:
-    """The published comparison's confound, where both sides of it are in the study."""
-    rates = {c.arm: study.configurations[f"{c.algo}/{c.env}/{c.arm}"]["algo"].get("actor_learning_rate") for c in paper}
-    if "aan" not in rates or len(set(rates.values())) < 2:
-        return []
-    shown = ", ".join(f"{actor_name(arm)} {rate:g}" for arm, rate in rates.items() if rate is not None)
-    return [
-        f"{algorithm_name(algo)}: actor learning rates differ ({shown}), as in the published comparison; it is a "
-        f"confound."
-    ]

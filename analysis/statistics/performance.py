@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 
 from analysis import metrics
-from analysis.bootstrap import FEW_SEEDS, IQM, interval, iqm, point
-from analysis.claims_file import Claims
+from analysis.bootstrap import IQM, interval, iqm, point
+from analysis.coverage import covers
 from analysis.data.cells import Cell, select
-from analysis.data.names import ACTORS, actor_name, algorithm_name, ordered_arms, ordered_tasks, task_name
+from analysis.data.names import ACTORS, actor_name, algorithm_name, task_name
 from analysis.hypothesis_tests import INTERVAL_SEEDS, t_interval
 from analysis.references import references
 from analysis.tables import Column, Table, number, pair, spread, text
@@ -38,35 +38,6 @@ def _names(cell: Cell) -> dict[str, object]:
         "task": task_name(cell.env),
         "actor": actor_name(cell.arm),
     }
-
-
-def main_table(cells: list[Cell], claims: Claims) -> Table:
-    """The one table a reader wants: the claims' tasks, and others, by the paper's actors: mean ± std (n)."""
-    arms = list(ACTORS) if cells else []
-    rows = []
-    for algo in dict.fromkeys(cell.algo for cell in cells):
-        present = {cell.env for cell in select(cells, algo)}
-        for env in ordered_tasks(present):
-            found = {cell.arm: cell for cell in select(cells, algo, env)}
-            shown = {arm: _shown(found[arm]) if arm in found else "missing" for arm in arms}
-            rows.append({"algorithm": algorithm_name(algo), "task": task_name(env), **shown})
-        if absent := [task_name(env) for env in claims.tasks if env not in present]:
-            names = {"algorithm": algorithm_name(algo), "task": ", ".join(absent)}
-            rows.append(names | dict.fromkeys(arms, "missing"))
-    columns: list[Column] = [*_WHERE[:2], *((arm, actor_name(arm), str) for arm in arms)]
-    frame = pd.DataFrame(rows, columns=["algorithm", "task", *arms])
-    variants = ordered_arms({cell.arm for cell in cells} - set(arms))
-    others = f" Not here, but in “Final performance in full”: {', '.join(variants)}." if variants else ""
-    caption = (
-        f"{FINAL} n counts finished runs and diverged ones, whose last value is carried forward. A cell without any "
-        f"says "
-        f"how far its runs are; missing: no run.{others}"
-    )
-    return Table("main", "main", "Final performance", caption, frame, columns, "No runs yet.")
-
-
-def _shown(cell: Cell) -> str:
-    return spread(_mean(cell.final), _std(cell.final), cell.n) if cell.n else cell.waiting
 
 
 def final_table(cells: list[Cell]) -> Table:
@@ -112,9 +83,8 @@ def final_table(cells: list[Cell]) -> Table:
         ("unfinished", "Unfinished", number()),
     ]
     caption = (
-        f"{FINAL} Mean [95%]: Student's t. IQM over seeds with its bootstrap interval. Both from {INTERVAL_SEEDS} "
-        f"seeds on. "
-        f"{FEW_SEEDS} {IQM} Unfinished runs stand in curves only."
+        f"{FINAL} Mean [95%]: Student's t. {covers('mean')} IQM over seeds with its bootstrap interval. "
+        f"{covers('iqm of one task')} Both from {INTERVAL_SEEDS} seeds on. {IQM} Unfinished runs stand in curves only."
     )
     keys = [key for key, _, _ in columns]
     frame = pd.DataFrame(rows) if rows else pd.DataFrame(columns=keys)

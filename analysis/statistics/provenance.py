@@ -7,6 +7,7 @@ import json
 import pandas as pd
 
 from analysis.data.names import actor_name, algorithm_name, task_name
+from analysis.data.outcome import Outcome
 from analysis.data.study import Study
 from analysis.tables import Column, Table, number, text
 
@@ -36,10 +37,8 @@ def status_table(study: Study) -> Table:
             for arm in sorted({*of_algo["arm"], *(arm for _, arm in refused)}):
                 seeds = refused.get((env, arm), ())
                 mine = of_algo[(of_algo["env"] == env) & (of_algo["arm"] == arm)]
-                by = {
-                    kind: mine.loc[mine["counts_as"] == kind, "seed"] for kind in ("finished", "diverged", "unfinished")
-                }
-                states = mine[mine["counts_as"] == "unfinished"]
+                by = {kind: mine.loc[mine["counts_as"] == kind, "seed"] for kind in Outcome}
+                states = mine[mine["counts_as"] == Outcome.UNFINISHED]
                 reached = "; ".join(
                     f"{r.seed}: {r.status}, {0 if pd.isna(r.step) else int(r.step):,} of {r.total_steps:,}"
                     for r in states.itertuples()
@@ -52,8 +51,8 @@ def status_table(study: Study) -> Table:
                         "algorithm": algorithm_name(str(algo)),
                         "task": task_name(env),
                         "actor": actor_name(arm),
-                        "finished": _seeds(by["finished"]),
-                        "diverged": _seeds(by["diverged"]),
+                        "finished": _seeds(by[Outcome.FINISHED]),
+                        "diverged": _seeds(by[Outcome.DIVERGED]),
                         "unfinished": reached,
                         "missing": _seeds(pd.Series(sorted(expected - {*mine["seed"], *seeds}))),
                         "refused": _seeds(pd.Series(sorted(set(seeds)))),
@@ -95,7 +94,7 @@ def versions_table(study: Study) -> Table:
         versions = pd.DataFrame([json.loads(v) for v in runs["versions"]])
         for package in sorted(versions.columns):
             add(package, versions[package])
-        for what in ("engine", "processor", "device", "threads"):
+        for what in ("engine", "processor", "blas", "device", "threads"):
             values = runs[what]
             add(what, values.map(lambda v: int(v) if isinstance(v, float) and v == v and v.is_integer() else v))
     columns: list[Column] = [("what", "", text), ("value", "Value", text), ("runs", "Runs", number())]

@@ -10,8 +10,8 @@ from typing import Any
 
 import pandas as pd
 
-from analysis.bootstrap import FEW_SEEDS
 from analysis.claims_file import Family
+from analysis.coverage import covers
 from analysis.data.names import algorithm_name, task_name
 from analysis.improvement import SEPARATED
 from analysis.tables import Column, Table, number, p_value, pair, text
@@ -44,9 +44,9 @@ def claims_table(judgement: Judgement, title: str) -> Table:
         ("remark", "Remark", text),
     ]
     caption = (
-        f"{wording.headline(judgement)} Effect: pooled over the tasks, in normalised points (100: the AAN reference), "
-        "with its unadjusted 95% interval. n: the least number of seeds in an arm. Seeds: per arm, to detect the "
-        f"smallest relevant effect with {judgement.rule.power:.0%} power at the spread seen."
+        "Effect: pooled over the tasks, in normalised points (100: the AAN reference), with its unadjusted 95% "
+        f"interval. {covers('pooled')} n: the least number of seeds in an arm. Seeds: per arm, to detect the smallest "
+        f"relevant effect with {judgement.rule.power:.0%} power at the spread seen."
     )
     untested = [task for one in judgement.results for task in one.missing]
     if untested:
@@ -154,10 +154,10 @@ def tasks_table(judgement: Judgement) -> Table:
         "No verdicts: no claim is decided on all its planned seeds."
     )  # fmt: skip
     caption = (
-        f"Differences of final performance with Welch's interval. {gate} Intervals and Hedges' g are not adjusted for "
-        "the number of rows. Synergy is the interaction (both − dendrites alone) − (lateral alone − neither); "
-        f"P(improvement) is not defined for it, elsewhere its interval is a bootstrap's. {FEW_SEEDS} "
-        f"{SEPARATED}{hidden}"
+        f"Differences of final performance with Welch's interval. {covers('difference')} {gate} "
+        "Intervals and Hedges' g are not adjusted for the number of rows. Synergy is the interaction (both − dendrites "
+        "alone) − (lateral alone − neither); P(improvement) is not defined for it, elsewhere its interval is a "
+        f"bootstrap's. {covers('improvement on one task')} {SEPARATED}{hidden}"
     )
     why = wording.exclusions(task for _, task in pairs)
     empty = f"None of these {len(pairs)} rows has an estimate: {why}." if pairs else "No runs, so no tests."

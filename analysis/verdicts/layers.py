@@ -3,7 +3,7 @@
 1. Layer 1: one contrast a claim, pooled over tasks in normalised scores; Holm over the family.
 2. Layer 2: the tasks of the claims that layer 1 decided; Holm over all of these rows.
 3. Every task: twice the largest one-sided p over a claim's tasks; Holm over the family; needs layer 1.
-4. Equal: two one-sided tests against the smallest relevant effect; Holm over the family.
+4. Equal: two one-sided tests against the smallest relevant effect (``equality``); Holm over the family.
 
 Before all planned seeds have finished, layer 1 alone is judged, at ``interim_alpha``.
 """
@@ -20,11 +20,11 @@ from analysis.hypothesis_tests import (
     NOTHING,
     TEST_SEEDS,
     Contrast,
-    equivalence_p,
     holm,
     one_sided_p,
     welch_contrast,
 )
+from analysis.verdicts.equality import equality_p
 from analysis.verdicts.results import Stage, Verdict
 from analysis.verdicts.samples import Sample, TaskSample
 
@@ -50,6 +50,11 @@ class Tested:
     def every_task_p(self) -> float:
         """Twice the largest one-sided p over the tasks; NaN where one of them has no test."""
         return 2 * max(map(one_sided_p, self.rows)) if not any(np.isnan(row.p) for row in self.rows) else _NAN
+
+    def equality_p(self, margin: float) -> float:
+        """P of a pooled effect outside ± ``margin``."""
+        covered = [task.normalised for task in self.sample.tasks if task.pooled]
+        return equality_p(covered, self.sample.claim.weights, margin)
 
 
 @dataclass(frozen=True)
@@ -98,7 +103,7 @@ def judge_family(tested: Sequence[Tested], claims: Claims) -> list[Judged]:
     ]
     rows = _layer_two(tested, stages, verdicts, claims)
     every_p = holm([one.every_task_p for one in tested])
-    equal_p = holm([equivalence_p(one.pooled, claims.smallest_effect) for one in tested])
+    equal_p = holm([one.equality_p(claims.smallest_effect) for one in tested])
     judged = []
     for k, (one, stage, verdict) in enumerate(zip(tested, stages, verdicts)):
         final = stage is Stage.FINAL

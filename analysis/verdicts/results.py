@@ -123,7 +123,8 @@ class ClaimResult:
         pooled: the effect in normalised points over the covered tasks; all NaN where none is covered.
         n: least number of seeds over the arms of the covered tasks.
         adjusted_p: Holm over the family; NaN where there is no test.
-        equal: "no relevant difference": the effect lies within the smallest relevant one; None before the plan is done.
+        equal: "no relevant difference": the effect lies within the smallest relevant one, unseen failures counted; None
+            before the plan is done.
         every_task: the claim "on every task"; None before the plan is done.
         every_task_p: its adjusted p; NaN where it is not testable on some task.
         seeds_needed: seeds per arm that the smallest relevant effect needs, at the pooled spread within arms and the

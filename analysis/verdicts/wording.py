@@ -167,7 +167,8 @@ def rule_words(judgement: Judgement) -> list[str]:
         f"else undecided, which is not equality. Fewer than {TEST_SEEDS} seeds in an arm are not judged.",
         "Tasks have a verdict only where the pooled effect of their claim is decided; Holm over all of these rows. On "
         "every task: twice the largest one-sided p of the tasks, Holm over the claims; one contradicted task "
-        f"contradicts. No relevant difference: the pooled 90% interval lies within ±{rule.smallest_effect:g} points.",
+        f"contradicts. No relevant difference: the pooled 90% interval lies within ±{rule.smallest_effect:g} points, "
+        "also if one more run of an arm had failed.",
         f"Seeds 0 to {rule.planned_seeds - 1} decide. Before all have finished only the pooled effect is judged, at "
         f"adjusted p below {rule.interim_alpha:g}. The paper's claims take the paper's actors only; labels that no "
         f"claim names are compared with {', '.join(map(actor_name, rule.baselines))}, as exploratory.",

@@ -19,8 +19,8 @@ from src.streams import Streams
 class EnsembleMLP(nn.Module):
     """E networks with the layer sizes ``sizes``.
 
-    Weights are stored as ``[E, in, out]``, biases as ``[E, 1, out]``, both drawn from PyTorch's default distribution for
-    Linear, U(-1/sqrt(in), 1/sqrt(in)), each member and parameter from its own stream.
+    Weights are stored as ``[E, in, out]``, biases as ``[E, 1, out]``, both drawn from PyTorch's default distribution
+    for Linear, U(-1/sqrt(in), 1/sqrt(in)), each member and parameter from its own stream.
 
     Args:
         sizes: layer sizes, input first.

@@ -1,4 +1,4 @@
-"""From a configuration to a learner: the one place that knows which algorithm has which parts, and which backend runs."""
+"""From a configuration to a learner: which algorithm has which parts, and which backend runs."""
 
 from __future__ import annotations
 

@@ -1,55 +1,116 @@
-"""From Hydra's composed configuration to one validated cell."""
+"""From Hydra's composed configuration to one validated run, and what it changes about the options that it chose."""
 
 from __future__ import annotations
 
 import dataclasses
-import importlib.util
 from functools import cache
+from typing import Any
 
+from hydra.core.config_loader import ConfigLoader
+from hydra.core.global_hydra import GlobalHydra
+from hydra.core.hydra_config import HydraConfig
+from hydra.errors import HydraException
+from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from src.config import ConfigurationError, ExperimentConfig, validate
-from src.experiment.labels import label_of
+from src.config import ConfigurationError, to_dict, validate
+from src.config.rules import inert_keys
+from src.config.validation import parse
+from src.experiment.identity import Run, flatten, variant_label
+
+#: Groups whose options make a method or a task; a run that changes one of their keys is a variant.
+_GROUPS = ("actor", "encoder", "algo", "env")
+_METHOD_KEYS = ("normalize_observations", "normalization_clip")
+_NOT_COMPARED = frozenset({"encoder.name", "encoder.coding"})  # the path shows the coding
 
 
-def cell_of(composed: DictConfig) -> ExperimentConfig:
-    """Resolve, validate, and name the variant; the environment must be installed.
+def compose_run(composed: DictConfig) -> Run:
+    """Resolve, validate, and name the variant.
+
+    A key that changes nothing in this configuration (``encoder.population_size`` of an actor without spikes) keeps its
+    option's own value, so that it makes no variant.
 
     Raises:
         ConfigurationError: one or more sentences.
     """
-    # Hydra's own section has values that only exist in a job.
+    content = _resolved(composed)
+    config = validate(content)
+    own = _own_values(composed, to_dict(config))
+    inert = [key for key in inert_keys(config) if key in own]
+    if inert:
+        for key in inert:
+            _set(content, key, own[key])
+        config = validate(content)
+    changed = {key: value for key, value in _compared(to_dict(config)).items() if key not in own or own[key] != value}
+    label = config.label if config.label is not None else variant_label(config.actor.name, changed)
+    return Run(dataclasses.replace(config, label=label), changed)
+
+
+def _compared(content: dict[str, Any]) -> dict[str, Any]:
+    flat = flatten({key: content[key] for key in (*_GROUPS, *_METHOD_KEYS)})
+    return {key: value for key, value in flat.items() if key not in _NOT_COMPARED}
+
+
+def _own_values(composed: DictConfig, content: dict[str, Any]) -> dict[str, Any]:
+    """Dotted keys and values that the chosen options have by themselves, as the schema has them.
+
+    An interpolation follows this run: ``algo.actor_learning_rate`` is ``${actor.learning_rate}`` of its own actor.
+    """
+    bare = dict(content)
+    for group in _GROUPS:
+        option = OmegaConf.create({**content, group: _bare_option(group, content[group]["name"], *_origin(composed))})
+        bare[group] = OmegaConf.to_container(option[group], resolve=True)
+    defaults = _bare_option("", "", *_origin(composed))
+    bare |= {key: defaults[key] for key in _METHOD_KEYS}
+    bare["encoder"]["coding"] = content["encoder"]["coding"]
+    bare["label"] = None
+    return _compared(to_dict(parse(bare)))
+
+
+def _origin(composed: DictConfig) -> tuple[str, tuple[str, ...]]:
+    """The name of the primary configuration, and overrides that say where more options lie."""
+    hydra = composed.get("hydra")
+    if hydra is None and HydraConfig.initialized():
+        hydra = HydraConfig.get()
+    if hydra is None:
+        return "config", ()
+    places = [each for each in hydra.overrides.hydra if each.lstrip("+").startswith("hydra.searchpath=")]
+    return hydra.job.config_name or "config", tuple(places)
+
+
+@cache
+def _bare_option(group: str, name: str, config_name: str, places: tuple[str, ...]) -> Any:
+    """The option as Hydra composes it when nothing else is asked for; without a group, the whole configuration.
+
+    Raises:
+        ConfigurationError: no option has this name.
+    """
+    loader: ConfigLoader = GlobalHydra.instance().config_loader()
+    try:
+        whole = loader.load_configuration(
+            config_name, [*places, *([f"{group}={name}"] if group else [])], RunMode.RUN, from_shell=False
+        )
+    except HydraException:
+        raise ConfigurationError(
+            f"{group}.name: there is no {group}={name}; an option is named as its file, conf/{group}/{name}.yaml."
+        ) from None
+    return OmegaConf.to_container(whole[group] if group else whole, resolve=False)
+
+
+def _resolved(composed: DictConfig) -> dict[str, Any]:
+    """Plain containers, without Hydra's own section, some of whose values only exist in a job."""
     own = OmegaConf.masked_copy(composed, [str(key) for key in composed if key != "hydra"])
     try:
         content = OmegaConf.to_container(own, resolve=True, throw_on_missing=True)
     except OmegaConfBaseException as error:
         raise ConfigurationError(str(error).split("\n")[0]) from None
     assert isinstance(content, dict)
-    config = validate({str(key): value for key, value in content.items()})
-    if mistake := _environment_mistake(config.env.id):
-        raise ConfigurationError(mistake)
-    return dataclasses.replace(config, label=label_of(config))
+    return {str(key): value for key, value in content.items()}
 
 
-@cache
-def _environment_mistake(name: str) -> str | None:
-    """Why ``gymnasium.make(name)`` would fail, as far as the registry knows."""
-    import gymnasium
-
-    try:
-        spec = gymnasium.spec(name)
-    except (gymnasium.error.Error, ModuleNotFoundError) as error:
-        return f"env.id: {name} is not installed: {error}"
-    entry = spec.entry_point
-    if callable(entry) and "raise" in getattr(entry, "__name__", ""):
-        return f"env.id: {name} needs the retired mujoco-py; use its -v4 or -v5."
-    module = str(entry).partition(":")[0]
-    if module.startswith("gymnasium.envs.mujoco") and importlib.util.find_spec("mujoco") is None:
-        return f"env.id: {name} needs MuJoCo; install it with `pip install mujoco`."
-    try:
-        if not callable(entry) and importlib.util.find_spec(module) is None:
-            return f"env.id: {name} needs the module {module}, which is not installed."
-    except ModuleNotFoundError as error:
-        return f"env.id: {name} needs the module {error.name}, which is not installed."
-    return None
+def _set(content: dict[str, Any], key: str, value: Any) -> None:
+    *parents, last = key.split(".")
+    for parent in parents:
+        content = content[parent]
+    content[last] = value

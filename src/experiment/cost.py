@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from src.config import EnvConfig, ExperimentConfig
-from src.experiment.machine import ROOT
-from src.experiment.manifest import ManifestError
-from src.experiment.manifest import read as read_manifest
+from src.experiment.machine import repository_path
+from src.experiment.run_directory import ManifestError, read_manifest
 
 #: Environment steps per second of one run on one core, rough, where nothing has been measured yet (TD3 on Hopper).
 DEFAULT_RATES = {"aan": 180.0, "popsan": 87.0, "bptsan_wo_ndt": 88.0, "bptsan_wo_li": 66.0, "bptsan": 64.0}
@@ -29,14 +28,14 @@ class Cost(NamedTuple):
     clock_hours: float
     peak_bytes: int
     kept_bytes: int
-    measured: bool  # the rates of all cells come from this results folder
+    measured: bool  # the rates of all runs come from this results folder
     unknown_sizes: tuple[str, ...]  # environments whose replay is not counted
 
 
-def cost(cells: Sequence[tuple[ExperimentConfig, int]], jobs_at_once: int) -> Cost:
-    """Cost of the cells to do, each with the steps that are done already."""
+def cost(runs: Sequence[tuple[ExperimentConfig, int]], jobs_at_once: int) -> Cost:
+    """Cost of the runs to do, each with the steps that are done already."""
     hours, replays, kept, measured, unknown = [], [], 0, True, set()
-    for config, done in cells:
+    for config, done in runs:
         rate, is_measured = _rate(config)
         measured &= is_measured
         hours.append(max(config.protocol.total_steps - done, 0) / rate / 3600)
@@ -54,7 +53,9 @@ def cost(cells: Sequence[tuple[ExperimentConfig, int]], jobs_at_once: int) -> Co
 
 
 def _rate(config: ExperimentConfig) -> tuple[float, bool]:
-    rates = _measured_rates(ROOT / config.results_dir).get((config.algo.name, config.actor.name, config.env.name))
+    rates = _measured_rates(repository_path(config.results_dir)).get(
+        (config.algo.name, config.actor.name, config.env.name)
+    )
     if rates:
         return statistics.median(rates), True
     return DEFAULT_RATES.get(config.actor.name, _OTHER_RATE), False

@@ -1,4 +1,7 @@
-"""What a run ran on and with: versions, commit, processor model. No host names, no absolute paths."""
+"""The machine, the repository and what a run ran with: versions, commit, processor model.
+
+What is recorded names no host and no absolute path.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,16 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 
 _DISTRIBUTIONS = ("torch", "torchrl", "tensordict", "gymnasium", "mujoco", "numpy", "numba", "scipy")
+
+
+def repository_path(path: str | Path) -> Path:
+    """A path as a user means it, in every command: ``~`` is the home, a relative one lies in the repository."""
+    return ROOT / Path(path).expanduser()
+
+
+def shown_path(path: Path) -> str:
+    """Relative where it lies in the repository."""
+    return str(path.relative_to(ROOT)) if path.is_relative_to(ROOT) else str(path)
 
 
 def versions() -> dict[str, str | None]:

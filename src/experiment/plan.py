@@ -1,166 +1,141 @@
-"""The plan of a grid: every cell composed, validated and decided upon before anything starts. Never imports torch."""
+"""The plan of a grid: what will be done with every run, decided before anything starts. Never imports torch."""
 
 from __future__ import annotations
 
-import tempfile
-from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from rich.console import Console
-from rich.table import Table
+from src.config import ENGINE, ConfigurationError, to_dict
+from src.experiment.checks import check_devices, check_installed
+from src.experiment.identity import Run, differences, flatten, hashed_values
+from src.experiment.ownership import refusal
+from src.experiment.run_directory import ManifestError, RunDirectory
+from src.experiment.state import TO_DO, Action, NextAction, next_action
 
-from src.config import ConfigurationError, ExperimentConfig, to_dict
-from src.experiment.claim import refusal
-from src.experiment.cost import cost
-from src.experiment.decision import TO_DO, Action, Decision, decide
-from src.experiment.hashing import flatten
-from src.experiment.machine import ROOT
-from src.experiment.progress import duration
-from src.experiment.run_directory import RunDirectory
-
-#: So many cells are named one by one; the rest is counted.
-_NAMED = 10
-_ORDER = list(Action)
+#: So many runs are named one by one; the rest is counted.
+NAMED = 10
 
 
-class Cell(NamedTuple):
-    """One cell, where its run lies and what will be done."""
+class PlannedRun(NamedTuple):
+    """One run, its directory and what will be done."""
 
-    config: ExperimentConfig
-    run: RunDirectory
-    decision: Decision
+    run: Run
+    directory: RunDirectory
+    next: NextAction
+
+    @property
+    def name(self) -> str:
+        """``td3/hopper/bptsan/poisson/seed_2``."""
+        return self.run.name
 
 
 class Plan(NamedTuple):
-    """All cells of a grid, in the order of the grid."""
+    """All runs of a grid, in the order of the grid."""
 
-    cells: tuple[Cell, ...]
+    runs: tuple[PlannedRun, ...]
 
     @property
-    def to_do(self) -> tuple[Cell, ...]:
-        """The cells that start a job."""
-        return tuple(cell for cell in self.cells if cell.decision.action in TO_DO)
+    def to_do(self) -> tuple[PlannedRun, ...]:
+        """The runs that start a job."""
+        return tuple(each for each in self.runs if each.next.action in TO_DO)
 
-    def having(self, action: Action) -> tuple[Cell, ...]:
-        """The cells with this action."""
-        return tuple(cell for cell in self.cells if cell.decision.action is action)
+    def having(self, action: Action) -> tuple[PlannedRun, ...]:
+        """The runs with this action."""
+        return tuple(each for each in self.runs if each.next.action is action)
 
 
-def make_plan(configs: Sequence[ExperimentConfig]) -> Plan:
-    """Decide for every cell.
+def make_plan(runs: Sequence[Run], gpus_here: bool = False) -> Plan:
+    """Decide for every run.
+
+    Args:
+        runs: the grid.
+        gpus_here: the runs will train on this machine, whose GPUs can be counted.
 
     Raises:
-        ConfigurationError: two cells share a directory, or a directory holds another configuration's run.
+        ConfigurationError: what can't be run here; two runs share a directory, or a directory holds another
+            configuration's run; the seeds of one label differ in more than their seed.
     """
-    _refuse_shared_directories(configs)
-    cells = tuple(Cell(c, RunDirectory(RunDirectory.path_of(c)), decide(c)) for c in configs)
-    plan = Plan(cells)
-    if conflicts := plan.having(Action.CONFLICT):
-        told = [refusal(cell.run.name, cell.decision) for cell in conflicts[:_NAMED]]
-        if len(conflicts) > _NAMED:
-            told.append(f"... and {len(conflicts) - _NAMED} more cells like these.")
-        raise ConfigurationError("\n".join(told))
+    check_installed(run.config for run in runs)
+    if gpus_here:
+        check_devices(run.config for run in runs)
+    _refuse_shared_directories(runs)
+    plan = Plan(tuple(PlannedRun(run, RunDirectory(run.path), next_action(run)) for run in runs))
+    _refuse([refusal(each.run, each.next) for each in plan.having(Action.CONFLICT)])
+    _refuse(list(_mixed_seeds(runs)))
     return plan
 
 
-def check_writable(config: ExperimentConfig) -> None:
-    """Try to write where the results go.
+def _refuse(mistakes: Sequence[str]) -> None:
+    if mistakes:
+        more = [f"... and {len(mistakes) - NAMED} more runs like these."] if len(mistakes) > NAMED else []
+        raise ConfigurationError("\n".join([*mistakes[:NAMED], *more]))
 
-    Raises:
-        ConfigurationError: that can't be done.
-    """
-    folder = ROOT / config.results_dir
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass  # that it can be made is all we ask
-    except OSError as error:
+
+def _refuse_shared_directories(runs: Sequence[Run]) -> None:
+    seen: dict[Path, Run] = {}
+    for run in runs:
+        if run.path not in seen:
+            seen[run.path] = run
+            continue
+        other = seen[run.path]
+        keys = [each.key for each in differences(flatten(to_dict(other.config)), flatten(to_dict(run.config)))]
+        if not keys:
+            raise ConfigurationError(f"{run.name}: the grid has this run twice; name it once.")
         raise ConfigurationError(
-            f"results_dir: {config.results_dir} can't be written ({error.strerror}); choose another folder."
-        ) from None
-
-
-def show(plan: Plan, console: Console, jobs_at_once: int, with_cost: bool) -> None:
-    """Print what will be done: a line per group of seeds, then the cells that need a word."""
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for column in ("algo", "env", "actor", "encoder"):
-        table.add_column(column, overflow="fold")
-    counts = {action: len(plan.having(action)) for action in _ORDER}
-    present = [action for action in _ORDER if counts[action]]
-    for action in present:
-        table.add_column(action.value, justify="right")
-    groups: dict[tuple[str, ...], Counter[Action]] = {}
-    for cell in plan.cells:
-        groups.setdefault(cell.run.path.parts[-5:-1], Counter())[cell.decision.action] += 1
-    for names, actions in groups.items():
-        table.add_row(*names, *(str(actions[action] or "") for action in present))
-    studies = sorted({_shown(cell.run.path.parents[5]) for cell in plan.cells})
-    done = counts[Action.SKIP] + counts[Action.DIVERGED]
-    console.print(
-        f"{len(plan.cells)} cell{'s' * (len(plan.cells) != 1)} in {', '.join(studies)}: "
-        f"{len(plan.to_do)} to do, {done} done, {counts[Action.BUSY]} busy",
-        highlight=False,
-        soft_wrap=True,
-    )
-    if len(plan.cells) > 1:
-        console.print(table)
-    for action in (Action.RESUME, Action.RETRY, Action.EXTEND, Action.REPLACE, Action.DIVERGED, Action.BUSY):
-        _name_cells(plan.having(action), console)
-    if with_cost and plan.to_do:
-        _show_cost(plan, console, jobs_at_once)
-
-
-def _name_cells(cells: Sequence[Cell], console: Console) -> None:
-    for cell in cells[:_NAMED]:
-        line = f"{cell.decision.action}: {cell.run.name} ({cell.decision.reason})"
-        console.print(line, highlight=False, markup=False, soft_wrap=True)
-    if len(cells) > _NAMED:
-        console.print(f"... and {len(cells) - _NAMED} more to {cells[0].decision.action}", highlight=False)
-
-
-def _show_cost(plan: Plan, console: Console, jobs_at_once: int) -> None:
-    fresh = {Action.RUN, Action.REPLACE}
-    cells = [(c.config, 0 if c.decision.action in fresh else c.decision.step) for c in plan.to_do]
-    estimate = cost(cells, jobs_at_once)
-    basis = (
-        "from the runs in the results folder" if estimate.measured else "rough: some rates are defaults, not measured"
-    )
-    console.print(
-        f"about {duration(estimate.clock_hours * 3600)} with {jobs_at_once} at once, "
-        f"{estimate.core_hours:.1f} core-hours ({basis})\n"
-        f"about {_size(estimate.peak_bytes)} of disk for replay at the peak, "
-        f"{_size(estimate.kept_bytes)} of it kept at the end",
-        highlight=False,
-        soft_wrap=True,
-    )
-    if estimate.unknown_sizes:
-        console.print(
-            f"not counted: the replay of {', '.join(estimate.unknown_sizes)} (sizes unknown)", highlight=False
+            f"Two runs of the grid would share the directory {run.name}: they differ in {', '.join(keys)}. "
+            f"Tell them apart with label=, such as 'label={run.config.actor.name}-${{{keys[0]}}}'."
         )
 
 
-def _refuse_shared_directories(configs: Sequence[ExperimentConfig]) -> None:
-    seen: dict[Path, ExperimentConfig] = {}
-    for config in configs:
-        path = RunDirectory.path_of(config)
-        if path in seen:
-            one, other = flatten(to_dict(seen[path])), flatten(to_dict(config))
-            keys = sorted(key for key in one.keys() | other.keys() if one.get(key) != other.get(key))
-            name = RunDirectory(path).name
-            if not keys:
-                raise ConfigurationError(f"{name}: the grid has this cell twice; name it once.")
-            raise ConfigurationError(
-                f"Two cells of the grid would share the directory {name}: they differ in {', '.join(keys)}. "
-                f"Tell them apart with label=, such as 'label={config.actor.name}-${{{keys[0]}}}'."
+def _mixed_seeds(runs: Sequence[Run]) -> Iterator[str]:
+    """The seeds of one label must be one configuration, those of this grid and those that lie beside them."""
+    planned = {run.path for run in runs}
+    first: dict[Path, Run] = {}
+    for run in runs:
+        own = compared_between_seeds(to_dict(run.config), ENGINE)
+        folder = run.path.parent
+        if folder in first:
+            other = first[folder]
+            yield from _mixed(
+                run, own, f"seed {other.config.seed}", compared_between_seeds(to_dict(other.config), ENGINE)
             )
-        seen[path] = config
+            continue
+        first[folder] = run
+        for sibling in sorted(folder.glob("seed_*")):
+            if sibling not in planned and (there := compared_on_disk(sibling)) is not None:
+                yield from _mixed(run, own, f"{sibling.name.replace('_', ' ')}, which is there already", there)
 
 
-def _shown(path: Path) -> str:
-    return str(path.relative_to(ROOT)) if path.is_relative_to(ROOT) else str(path)
+def _mixed(run: Run, own: dict[str, Any], other: str, others: dict[str, Any]) -> Iterator[str]:
+    if changes := differences(others, own):
+        yield (
+            f"{run.name} and {other}: they differ in more than the seed: {', '.join(map(str, changes))}. "
+            "One label is one configuration: choose another place (study=..., or label=... for a variant), "
+            "or ask for all its seeds alike."
+        )
 
 
-def _size(number: int) -> str:
-    return f"{number / 1e9:.1f} GB" if number >= 1e9 else f"{number / 1e6:.0f} MB"
+def compared_between_seeds(content: dict[str, Any], engine: int) -> dict[str, Any]:
+    """What all seeds of one label have in common: all that changes numbers, and how long they train."""
+    return hashed_values(content) | {
+        "seed": None,
+        "protocol.total_steps": content["protocol"]["total_steps"],
+        "engine": engine,
+    }
+
+
+def compared_on_disk(path: Path) -> dict[str, Any] | None:
+    """The same of a run directory; None where it holds no run that can be read."""
+    directory = RunDirectory(path)
+    try:
+        manifest = directory.read_manifest()
+    except ManifestError:
+        return None
+    content = directory.read_config()
+    if manifest is None or content is None:
+        return None
+    try:
+        return compared_between_seeds(content, manifest.engine) | {"protocol.total_steps": manifest.total_steps}
+    except (KeyError, TypeError):
+        return None

@@ -1,4 +1,4 @@
-"""Where the trainer tells how far it is: a live display on a terminal, plain lines elsewhere, a heartbeat."""
+"""How far a run is, as the trainer reports it: a live bar on a terminal, plain lines elsewhere, a heartbeat."""
 
 from __future__ import annotations
 

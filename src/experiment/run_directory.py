@@ -1,22 +1,24 @@
-"""One run's directory: the contract of docs/run-directory.md, as an object."""
+"""One run's directory, as docs/run-directory.md promises it, and its manifest: what happened to the run."""
 
 from __future__ import annotations
 
 import dataclasses
+import json
 import logging
+from dataclasses import field
+from datetime import UTC, datetime
+from enum import StrEnum
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import yaml
+from pydantic import ConfigDict, TypeAdapter, ValidationError
+from pydantic.dataclasses import dataclass
 
-from src.config import ExperimentConfig, to_dict
-from src.experiment import manifest as manifests
-from src.experiment.atomic import replace_file
-from src.experiment.csv_log import EvaluationLog, TrainingLog
-from src.experiment.labels import label_of
-from src.experiment.machine import ROOT
-from src.experiment.manifest import Manifest
+from src.config import to_dict
+from src.experiment.files import EvaluationLog, TrainingLog, replace_file
+from src.experiment.identity import Run
 
 #: In ``state/``: the replay, and the checkpoints, which must both be there for a complete run to be extended.
 REPLAY_FILE = "replay.bin"
@@ -33,26 +35,128 @@ FILES = (
     "failure.txt",
     "policy.pt",
     "policy_best.pt",
+    "operations.json",
 )
+FORMAT = 1
+_STAMP = "%Y-%m-%dT%H:%M:%SZ"
+
+
+class RunState(StrEnum):
+    """The state of a run, in the one vocabulary of manifest, plan, status and the summary of a sweep."""
+
+    RUNNING = "running"
+    COMPLETE = "complete"
+    INTERRUPTED = "interrupted"  # stopped before its end; the same command again resumes it
+    FAILED = "failed"
+    DIVERGED = "diverged"  # ended with non-finite numbers: a result
+    # never in a manifest:
+    NOT_STARTED = "not started"
+    NOT_FINISHED = "not finished"  # its process is gone and has recorded nothing
+    BUSY = "busy"  # left to another process, which holds it
+
+
+Status = Literal[RunState.RUNNING, RunState.COMPLETE, RunState.INTERRUPTED, RunState.FAILED, RunState.DIVERGED]
+
+
+class ManifestError(ValueError):
+    """A manifest that can't be read. Its message says what to do."""
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why a run failed or diverged, and at which step."""
+
+    kind: str
+    message: str
+    step: int
+
+
+@dataclass(frozen=True, config=ConfigDict(extra="ignore", strict=True))
+class Manifest:
+    """``manifest.json``; docs/run-directory.md explains every key."""
+
+    algo: str
+    env: str
+    actor: str
+    label: str
+    encoder: str
+    seed: int
+    study: str
+    configuration_hash: str
+    cell_hash: str
+    engine: int
+    total_steps: int
+    threads: int
+    device: str
+    status: Status = RunState.RUNNING
+    step: int = 0
+    checkpoint_step: int | None = None
+    changed_keys: dict[str, Any] = field(default_factory=dict)
+    hashed_keys: list[str] = field(default_factory=list)
+    observation_size: int | None = None
+    action_size: int | None = None
+    parameters: dict[str, int] = field(default_factory=dict)
+    started: str | None = None
+    updated: str | None = None
+    finished: str | None = None
+    wall_time_seconds: float = 0.0
+    times_resumed: int = 0
+    versions: dict[str, str | None] = field(default_factory=dict)
+    commit: str | None = None
+    dirty: bool | None = None
+    processor: str = "unknown"
+    blas: dict[str, str | None] = field(default_factory=dict)
+    backend: str | None = None  # that computed the updates: fast or plain
+    failure: Failure | None = None
+    notes: list[str] = field(default_factory=list)
+    format: int = FORMAT
+
+
+_SCHEMA = TypeAdapter(Manifest)
+
+
+def now() -> str:
+    """UTC, ISO 8601, to the second."""
+    return datetime.now(UTC).strftime(_STAMP)
+
+
+def seconds_since(stamp: str | None) -> float:
+    """Age of a stamp of :func:`now`; infinite for None."""
+    if stamp is None:
+        return float("inf")
+    return (datetime.now(UTC) - datetime.strptime(stamp, _STAMP).replace(tzinfo=UTC)).total_seconds()
+
+
+def read_manifest(path: Path) -> Manifest | None:
+    """The manifest at ``path``; None where there is none.
+
+    Raises:
+        ManifestError: not one of ours; it is always replaced as a whole, so somebody else has changed it.
+    """
+    try:
+        content = path.read_bytes()
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    try:
+        manifest = _SCHEMA.validate_json(content)
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(str(part) for part in first["loc"]) or "the file"
+        raise ManifestError(
+            f"{path}: can't be read ({key}: {first['msg']}); restore it, or delete its run directory."
+        ) from None
+    if manifest.format != FORMAT:
+        raise ManifestError(f"{path}: format {manifest.format}, this code reads format {FORMAT}.")
+    return manifest
 
 
 class RunDirectory:
-    """The files of one run. Writing is for the process that has claimed it (:func:`src.experiment.claim.claim`)."""
+    """The files of one run. Writing is for the process that owns it (:func:`src.experiment.ownership.acquire`)."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.state = path / "state"
         self._manifest: Manifest | None = None
-
-    @staticmethod
-    def path_of(config: ExperimentConfig) -> Path:
-        """``results/<study>/runs/<algo>/<env>/<label>/<encoder>/seed_<k>``.
-
-        A relative ``results_dir`` lies in the repository, whatever the working directory.
-        """
-        study = ROOT / config.results_dir / config.study
-        cell = Path(config.algo.name) / config.env.name / label_of(config) / config.encoder.coding
-        return study / "runs" / cell / f"seed_{config.seed}"
 
     @property
     def name(self) -> str:
@@ -118,7 +222,7 @@ class RunDirectory:
         Raises:
             ManifestError: it can't be read.
         """
-        return manifests.read(self.path / "manifest.json")
+        return read_manifest(self.path / "manifest.json")
 
     @property
     def manifest(self) -> Manifest:
@@ -131,8 +235,9 @@ class RunDirectory:
 
     def write_manifest(self, manifest: Manifest) -> None:
         """Replace the manifest atomically and stamp ``updated``."""
-        manifest = dataclasses.replace(manifest, updated=manifests.now())
-        manifests.write(self.path / "manifest.json", manifest)
+        manifest = dataclasses.replace(manifest, updated=now())
+        content = {"format": manifest.format} | _SCHEMA.dump_python(manifest, mode="json")
+        replace_file(self.path / "manifest.json", (json.dumps(content, indent=1, allow_nan=False) + "\n").encode())
         self._manifest = manifest
 
     def update_manifest(self, **changes: Any) -> None:
@@ -147,7 +252,7 @@ class RunDirectory:
             return None
         return content if isinstance(content, dict) else None
 
-    def write_config(self, config: ExperimentConfig) -> None:
+    def write_config(self, run: Run) -> None:
         """The resolved configuration, without what belongs to one command or machine (``results_dir``)."""
-        content = to_dict(config) | {"label": label_of(config), "results_dir": "results", "on_conflict": "refuse"}
+        content = to_dict(run.config) | {"label": run.label, "results_dir": "results", "on_conflict": "refuse"}
         replace_file(self.path / "config.yaml", yaml.safe_dump(content, sort_keys=False).encode())

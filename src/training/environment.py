@@ -18,7 +18,7 @@ from torchrl.envs import EnvBase
 
 from src.config import ConfigurationError, EnvConfig
 from src.training.errors import CorruptState
-from src.training.gym_task import action_limit, make_gym, sizes
+from src.training.gym_task import action_limit, is_mujoco, make_gym, sizes
 
 __all__ = ["TrainingEnvironment", "make_gym", "sizes"]
 
@@ -61,7 +61,7 @@ class TrainingEnvironment(EnvBase):
         self.is_closed = False
         from src.training import simulator_state  # after make_gym, which says clearly when MuJoCo is missing
 
-        if not simulator_state.is_mujoco(self._gym):
+        if not is_mujoco(self._gym):
             raise ConfigurationError(
                 f"env.id: {config.id} is no MuJoCo task of Gymnasium, so a run on it could not be saved and resumed."
             )

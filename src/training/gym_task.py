@@ -58,6 +58,15 @@ def sizes(config: EnvConfig) -> tuple[int, int]:
         environment.close()
 
 
+def is_mujoco(environment: gymnasium.Env) -> bool:
+    """Whether the task's simulator is one whose state can be saved."""
+    try:
+        from gymnasium.envs.mujoco import MujocoEnv
+    except ImportError:
+        return False
+    return isinstance(environment.unwrapped, MujocoEnv)
+
+
 def action_limit(environment: gymnasium.Env) -> float:
     """The bound ``b`` of the symmetric box ``[-b, b]^M``."""
     space = environment.action_space

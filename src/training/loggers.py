@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from src.config import ConfigurationError, ExperimentConfig, to_dict
-from src.experiment.atomic import replace_file
+from src.experiment.files import replace_file
 from src.experiment.run_directory import RunDirectory
 
 #: In ``state/``: TensorBoard's events; the name under which Weights & Biases knows the run.

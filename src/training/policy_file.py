@@ -68,6 +68,10 @@ class TrainedPolicy:
             content["observation_size"], self.config.normalization_clip, self.config.normalize_observations
         )
         self.normalizer.load_state_dict(content["normalizer"])
+        #: When it was kept, and its evaluation then; None in the file of an engine before 3.
+        self.standing: Standing | None = None
+        if "step" in content:
+            self.standing = Standing(content["step"], content["evaluation_return"])
 
     @torch.no_grad()
     def act(self, observation: Tensor, generator: torch.Generator) -> Tensor:

@@ -17,9 +17,10 @@ from src.algorithms.learner import Minibatches
 from src.algorithms.metrics import METRICS, Diverged, IntervalMeans, health_columns
 from src.config import ConfigurationError, ExperimentConfig
 from src.engine import blas
-from src.experiment.outcome import Outcome
 from src.experiment.progress import Progress
-from src.experiment.run_directory import REPLAY_FILE, RunDirectory
+from src.experiment.run_directory import REPLAY_FILE, RunDirectory, RunState
+from src.experiment.state import Outcome
+from src.policies.operations import count_operations, write_operations
 from src.streams import Streams
 from src.training.checkpoint import CheckpointFolder, CorruptCheckpoint
 from src.training.collection import make_collector, transitions
@@ -45,7 +46,7 @@ def train(
         stop_requested: asked at every batch boundary; once true, the run writes a checkpoint and ends.
 
     Returns:
-        How it ended. ``complete`` leaves ``policy.pt``.
+        How it ended. ``complete`` leaves ``policy.pt`` and ``operations.json``.
     """
     set_numerics(config.threads)
     if config.device.startswith("cuda") and not torch.cuda.is_available():
@@ -145,15 +146,16 @@ class TrainingSession:
                     self.save()
                 self.progress.update(self.step, self.last_return, self._steps_per_second())
                 if stop and self.step < p.total_steps:
-                    return Outcome("interrupted", self.step, f"checkpoint written at step {self.step}")
+                    return Outcome(RunState.INTERRUPTED, self.step, f"checkpoint written at step {self.step}")
         except Diverged as error:
-            return Outcome("diverged", self.step, f"{error} at step {self.step}")
+            return Outcome(RunState.DIVERGED, self.step, f"{error} at step {self.step}")
         finally:
             logger.close()
             collector.shutdown()
         assert self.last_return is not None  # step 0 was evaluated
         self._save_policy(POLICY_FILE, Standing(self.step, self.last_return))
-        return Outcome("complete", self.step, "")
+        self._count_operations()
+        return Outcome(RunState.COMPLETE, self.step, "")
 
     def _act_in_training(self, observation: Tensor) -> Tensor:
         """Action ``[M]`` for the raw observation ``[N]``: uniform at first, then exploring."""
@@ -211,6 +213,18 @@ class TrainingSession:
 
     def _save_policy(self, name: str, standing: Standing) -> None:
         save_policy(self.run.path / name, self.config, self.learner, self.normalizer, self.sizes, standing)
+
+    def _count_operations(self) -> None:
+        """Count the final policy's operations over the episodes of the last evaluation; no run fails of it."""
+        try:
+            counted = count_operations(
+                self.learner.policy, self.normalizer, self.evaluator, self.step, self.config.device
+            )
+            write_operations(self.run.path, counted)
+        except Exception as error:
+            note = f"operations were not counted: {error}"
+            self.progress.note(note)
+            self.run.update_manifest(notes=[*self.run.manifest.notes, note])
 
     def _steps_per_second(self) -> float:
         """Since the last evaluation; right after one, the rate of the interval before it."""

@@ -26,11 +26,6 @@ _DERIVED = ("xpos", "xipos", "geom_xpos", "site_xpos", "subtree_com", "cinert", 
 _SIGNATURE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 
 
-def is_mujoco(environment: gymnasium.Env) -> bool:
-    """Whether the task's simulator is one that :func:`capture` knows."""
-    return isinstance(environment.unwrapped, MujocoEnv)
-
-
 def capture(environment: gymnasium.Env) -> dict[str, Any]:
     """Everything that decides how the episode, and the episodes after it, go on.
 

@@ -4,7 +4,6 @@ import math
 
 import pytest
 import torch
-from src.algorithms.sac_learner import SACLearner
 from tensordict.nn import TensorDictModule
 from torch import nn
 from torchrl.modules import NormalParamExtractor, ProbabilisticActor, TanhNormal, ValueOperator

@@ -211,3 +211,39 @@ def write_grid(
                         interval=interval,
                     )
     return study
+
+
+def write_operations(
+    run: Path,
+    *,
+    macs: float,
+    acs: float,
+    updates: float = 0.0,
+    dense: float = 100_000.0,
+    weights: int = 1000,
+    zero_weights: int = 0,
+) -> None:
+    """An ``operations.json`` with one layer of MACs and one of ACs, as ``docs/run-directory.md`` says."""
+    layers = [
+        {
+            "name": name,
+            "kind": kind,
+            "dense": dense,
+            "effective": effective,
+            "weights": weights,
+            "zero_weights": zero_weights,
+        }
+        for name, kind, effective in (("first", "MAC", macs), ("second", "AC", acs))
+    ]
+    content = {
+        "decisions": 2000,
+        "episodes": 10,
+        "layers": layers,
+        "neuron_updates": updates,
+        "neurons": 542,
+        "encoder_exponentials": 110.0 if updates else 0.0,
+        "random_numbers": 0.0,
+        "activation_sparsity": 0.75,
+        "footprint_bytes": 400_000,
+    }
+    (run / "operations.json").write_text(json.dumps(content))

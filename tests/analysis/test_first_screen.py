@@ -19,8 +19,8 @@ def test_a_short_study_says_that_it_is_none_of_a_million_steps(tmp_path):
     write_grid(tmp_path / "s", actors=("aan", "bptsan"), seeds=3)
     write_run(tmp_path / "s", seed=3, status="running", stop=40_000)
     about = overview(read_study(tmp_path / "s"))
-    assert about["title"] == "Verdicts at 100,000 steps"
-    assert "Runs of 100,000 steps say nothing about them" in about["caution"]
+    assert about["title"] == "The claims at 100,000 steps"
+    assert "Runs of 100,000 steps: the paper's claims are about 1,000,000" in about["caution"]
     assert (
         "100,000 steps a run (the paper: 1,000,000); 3 to 4 seeds per cell started (the paper: 10)" in about["status"]
     )
@@ -30,7 +30,7 @@ def test_a_short_study_says_that_it_is_none_of_a_million_steps(tmp_path):
 def test_a_whole_study_is_about_the_papers_claims(tmp_path):
     write_run(tmp_path / "s", total_steps=1_000_000, interval=10_000, changes={"protocol.evaluation_episodes": 10})
     about = overview(read_study(tmp_path / "s"))
-    assert about["title"] == "Verdicts on the paper's claims" and about["caution"] == ""
+    assert about["title"] == "The paper's claims" and about["caution"] == ""
 
 
 def test_settings_that_differ_from_the_papers_are_named_once(tmp_path):
@@ -64,9 +64,11 @@ def test_where_nothing_can_be_tested_one_sentence_names_the_reasons(tmp_path):
     for seed in range(2):
         write_run(tmp_path / "s", actor="aan", seed=seed)
         write_run(tmp_path / "s", seed=seed)
-    _, tables = statistics(tmp_path / "s")
+    content, tables = statistics(tmp_path / "s")
     caption = tables["verdicts"]["caption"]
-    assert "Too few seeds to judge: at most 2 finished seeds in an arm of every pair, 5 are needed" in caption
+    answer = "Too few seeds to judge: at most 2 finished seeds in an arm of every pair, 5 are needed"
+    assert content["overview"]["answer"].startswith(answer)
+    assert json.dumps(content).lower().count("too few seeds to judge") == 2  # once said, once the name of a verdict
     assert caption.count("no runs on Walker2d-v4, Ant-v4 (N=111)") == 1
     assert "Verdict" not in tables["verdicts"]["headers"] + tables["claims"]["headers"]
     assert "too few seeds" not in json.dumps([tables["verdicts"]["rows"], tables["claims"]["rows"]])
@@ -82,15 +84,27 @@ def test_rows_without_an_estimate_stand_in_the_csv_only(tmp_path):
     assert "interim, 5 of 10 seeds" in tables["verdicts"]["rows"][0][-1]
 
 
-def test_the_main_table_has_the_five_actors_and_the_claims_tasks(tmp_path):
+def test_the_main_table_has_a_row_for_every_label_and_a_column_for_every_task(tmp_path):
     write_run(tmp_path / "s", status="running", stop=40_000, manifest={"step": 43_500})
+    write_run(tmp_path / "s", env="ant", label="mine", manifest={"actor": "mine"})
     _, tables = statistics(tmp_path / "s")
-    main_ = tables["main"]
-    assert len(main_["headers"]) == 2 + 5
-    assert main_["rows"] == [
-        ["TD3", "Hopper-v4", *["missing"] * 4, "running, 43,500 of 100,000"],
-        ["TD3", "Walker2d-v4, HalfCheetah-v4, Ant-v4 (N=111)", *["missing"] * 5],
-    ]
+    assert tables["main"]["headers"] == ["Algorithm", "Actor", "Hopper-v4", "Ant-v4 (N=111)"]
+    mine = ["TD3", "mine", "no run", tables["main"]["rows"][1][-1]]
+    assert tables["main"]["rows"] == [["TD3", "BPT-SAN", "running, 43,500 of 100,000", "no run"], mine]
+    assert mine[-1].endswith("(n=1)")
+    assert "No runs on Walker2d-v4, HalfCheetah-v4." in tables["main"]["caption"]
+
+
+def test_what_could_mislead_stands_before_the_numbers(tmp_path):
+    for seed in range(3):
+        write_run(tmp_path / "s", actor="aan", seed=seed, noise=200, interval=5_000)
+        write_run(tmp_path / "s", seed=seed, noise=200, interval=5_000)
+    content, _ = statistics(tmp_path / "s")
+    first = "\n".join(content["overview"]["first"])
+    assert "Runs of 100,000 steps" in first
+    assert "actors learn at different rates (0.001 for AAN; 0.0001 for all others)" in first
+    assert "of the variance between seeds, the scatter of a run's last evaluations explains at most" in first
+    assert not any("learn" in note for note in content["notes"])
 
 
 def test_unfinished_failed_and_diverged_runs_are_noted_by_cell(tmp_path):

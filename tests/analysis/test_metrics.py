@@ -84,6 +84,11 @@ def test_mean_of_max_is_never_below_max_of_mean(returns):
     assert metrics.mean_of_max(returns).value >= metrics.max_of_mean(steps, returns).value - 1e-6
 
 
+@pytest.mark.parametrize(("evaluations", "window"), [(1, 3), (11, 3), (21, 3), (51, 5), (101, 11), (201, 21)])
+def test_the_window_is_a_tenth_of_the_evaluations_and_odd(evaluations, window):
+    assert metrics.smoothing_window(evaluations) == window
+
+
 @given(matrices, finite)
 def test_shifting_all_returns_shifts_means_and_leaves_spreads(returns, shift):
     steps, moved = np.arange(returns.shape[1]), returns + shift
@@ -93,7 +98,7 @@ def test_shifting_all_returns_shifts_means_and_leaves_spreads(returns, shift):
     assert metrics.mean_curve(moved).std == pytest.approx(
         metrics.mean_curve(returns).std, abs=1e-6 * scale, nan_ok=True
     )
-    assert metrics.smooth(moved[0]) == pytest.approx(metrics.smooth(returns[0]) + shift, abs=1e-9 * scale)
+    assert metrics.smooth(moved[0], 11) == pytest.approx(metrics.smooth(returns[0], 11) + shift, abs=1e-9 * scale)
 
 
 @given(matrices, st.randoms())
@@ -110,6 +115,6 @@ def test_the_order_of_seeds_does_not_matter(returns, random):
 
 @given(arrays(float, 30, elements=finite))
 def test_smoothing_stays_within_the_values_and_keeps_a_constant(values):
-    smoothed = metrics.smooth(values)
+    smoothed = metrics.smooth(values, 11)
     assert smoothed.min() >= values.min() - 1e-6 and smoothed.max() <= values.max() + 1e-6
-    assert metrics.smooth(np.full(30, values[0])) == pytest.approx(np.full(30, values[0]))
+    assert metrics.smooth(np.full(30, values[0]), 11) == pytest.approx(np.full(30, values[0]))

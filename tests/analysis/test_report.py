@@ -1,5 +1,7 @@
 """If these fail, the report of a study is not what its logs say, or not the same twice."""
 
+import base64
+import hashlib
 import json
 import os
 import re
@@ -7,6 +9,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from urllib.parse import unquote
 
 import pandas as pd
 import pytest
@@ -84,12 +87,13 @@ def test_stages_one_by_one_give_what_report_gives(mixed_report, tmp_path):
 
 def test_it_begins_with_verdicts_then_the_table_and_names_what_is_missing(mixed_report):
     html = page(mixed_report)
-    first = html.index('id="overview"')
+    first = html.index('class="answer"')
     headings = [
-        html.index(f"<{words}</h") for words in ("h2>Verdicts at 100,000 steps", "h3>Final performance", "h2>Figures")
+        html.index(f"<h2>{words}</h2>")
+        for words in ("The claims at 100,000 steps", "Final performance, TD3", "Figures")
     ]
     later = [
-        html.index(f"<h2>{words}</h2>") for words in ("Statistics", "Spiking health and cost", "Provenance", "Notes")
+        html.index(f"<h2>{words}</h2>") for words in ("Statistics", "Cost and spiking health", "Provenance", "Notes")
     ]
     assert [first, *headings, *later] == sorted([first, *headings, *later])
     assert "Too few seeds to judge: at most 3 finished seeds" in html
@@ -99,10 +103,38 @@ def test_it_begins_with_verdicts_then_the_table_and_names_what_is_missing(mixed_
     assert "running, 50,000 of 100,000" in runs.loc[("hopper", "bptsan"), "unfinished"]
 
 
-def test_no_request_can_leave_the_page_and_nothing_runs(mixed_report):
+def test_no_request_can_leave_the_page_and_only_its_own_script_runs(mixed_report):
     html = page(mixed_report)
-    assert not re.search(r"""(src|href)=["'](?!data:|#)""", html)
-    assert "<script" not in html and "@import" not in html and "url(" not in html
+    assert not re.search(r"""src=["'](?!data:)""", html) and not re.search(r"""href=["'](?!data:|#|\.\./)""", html)
+    assert "@import" not in html and "url(" not in html and not re.search(r"<[a-z][^>]*\son\w+=", html)
+    policy = re.search(r'Content-Security-Policy" content="([^"]*)"', html).group(1)
+    assert "default-src 'none'" in policy and "unsafe-eval" not in policy
+    (script,) = re.findall(r"<script>(.*?)</script>", html, flags=re.S)
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    assert f"script-src 'sha256-{digest}'" in policy
+    for kind in re.findall(r"<script([^>]*)>", html):
+        assert kind == "" or 'type="application/json"' in kind
+
+
+def test_every_link_leads_to_a_file_or_a_place_of_the_page(mixed_report):
+    html = page(mixed_report)
+    links = set(re.findall(r'href="([^"]+)"', html)) - {"data:,"}
+    assert len(links) > 40
+    for link in links:
+        if link.startswith("#"):
+            assert f'id="{link[1:]}"' in html, link
+        else:
+            assert (mixed_report / "report" / unquote(link)).exists(), link
+
+
+def test_pictures_are_described_by_what_they_show(mixed_report):
+    descriptions = re.findall(r'<img[^>]* alt="([^"]*)"', page(mixed_report))
+    assert len(descriptions) >= 9 and all(re.search(r"\d", words) and len(words) > 40 for words in descriptions)
+    assert any("BPT-SAN" in words and "Hopper-v4" in words for words in descriptions)
+
+
+def test_the_bootstraps_caveat_is_said_once(mixed_report):
+    assert page(mixed_report).count("With few seeds bootstrap intervals are too narrow") == 1
 
 
 def test_the_csv_beside_a_figure_is_what_it_draws(mixed_report):
@@ -113,7 +145,7 @@ def test_the_csv_beside_a_figure_is_what_it_draws(mixed_report):
     found = drawn[(drawn["arm"] == "aan") & (drawn["env"] == "hopper")]
     assert found["mean"].to_numpy() == pytest.approx(returns.mean(axis=0))
     assert found["half_std"].to_numpy() == pytest.approx(returns.std(axis=0, ddof=1) / 2)
-    assert found["mean_smoothed"].to_numpy() == pytest.approx(metrics.smooth(returns.mean(axis=0)))
+    assert found["mean_smoothed"].to_numpy() == pytest.approx(metrics.smooth(returns.mean(axis=0), 3))
     bars = pd.read_csv(mixed_report / "figures/ablation-td3.csv").set_index(["env", "arm"])
     assert (bars["mean_of_max"] >= bars["max_of_mean"]).all()
     assert bars.loc[("hopper", "bptsan"), "n"] == 3  # the running fourth seed has no part
@@ -161,7 +193,7 @@ def test_names_from_files_are_escaped(tmp_path):
     assert main(["report", str(tmp_path / "s")]) == 0
     html, markdown = page(tmp_path / "s"), (tmp_path / "s/report/report.md").read_text()
     for text in (html, markdown):
-        assert "<img src=x" not in text and "<script>" not in text and "<b>bold" not in text
+        assert "<img src=x" not in text and "<script>alert" not in text and "<b>bold" not in text
     assert "&lt;img src=x" in html
 
 
@@ -253,10 +285,10 @@ def test_a_sweep_has_a_line_per_coding(tmp_path):
         assert main([stage, str(tmp_path / "s")]) == 0
     sweep = pd.read_csv(tmp_path / "s/figures/sweep-td3-actor.lateral.radius.csv")
     assert sweep[["line", "value"]].values.tolist() == [
-        ["bptsan [deterministic]", 2],
-        ["bptsan [deterministic]", 4],
-        ["bptsan [poisson]", 2],
-        ["bptsan [poisson]", 4],
+        ["BPT-SAN [deterministic]", 2],
+        ["BPT-SAN [deterministic]", 4],
+        ["BPT-SAN [poisson]", 2],
+        ["BPT-SAN [poisson]", 4],
     ]
 
 

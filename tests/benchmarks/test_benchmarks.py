@@ -20,14 +20,14 @@ from benchmarks.relay import Turns, Window
 from benchmarks.sb3_loop import MISSING
 from benchmarks.spread import Spread
 from benchmarks.topic import Topic
-from src.experiment import threads
+from src.experiment import process
 
 
 @pytest.fixture(autouse=True)
 def _threads(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """The topics compute on one thread, as everything else in the tests may not."""
     before = torch.get_num_threads()
-    for variable in threads.VARIABLES:
+    for variable in process.VARIABLES:
         monkeypatch.setenv(variable, "1")  # so that they are as they were afterwards
     yield
     torch.set_num_threads(before)

@@ -8,6 +8,7 @@ import os
 import shutil
 import sys
 import traceback
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -20,12 +21,12 @@ from tests.end_to_end.commands import (
     limit_file_size,
     manifest,
     mount,
-    newest_checkpoint,
     own_mounts,
     run_here,
     run_of,
     wait_for,
 )
+from tests.gate import close_gate, open_gate, waiting
 
 
 def test_a_limit_on_file_sizes(interrupted: Path, reference: Path, tmp_path: Path) -> None:
@@ -101,9 +102,12 @@ def _scenario(disk: Path, seen: Path) -> None:
     told = {}
     results = disk / "results"
     results.mkdir()
-    pid = _begin(results, seen / "output")
-    wait_for(lambda: newest_checkpoint(results) >= 150, poll=0.001)
+    gate = seen / "gate"
+    gate.mkdir()
+    pid = _begin(results, seen / "output", prepare=partial(close_gate, str(gate), 150))
+    wait_for(lambda: waiting(gate, 0))
     _fill(disk / "filler")
+    open_gate(gate, 0)
     told["full while training"] = _end(pid, seen / "output")
     shutil.copytree(results, seen / "full")
     told["full before"] = _end(_begin(disk / "results", seen / "output", "seed=1"), seen / "output")
@@ -117,12 +121,12 @@ def _scenario(disk: Path, seen: Path) -> None:
     (seen / "told.json").write_text(json.dumps(told))
 
 
-def _begin(results: Path, output: Path, *more: str) -> int:
+def _begin(results: Path, output: Path, *more: str, prepare: Callable[[], None] | None = None) -> int:
     pid = os.fork()
     if pid == 0:
         code = 1
         try:
-            run_here([*AAN, *more, f"results_dir={results}"], output)
+            run_here([*AAN, *more, f"results_dir={results}"], output, prepare)
         except SystemExit as stop:
             code = stop.code if isinstance(stop.code, int) else 1
         except BaseException:

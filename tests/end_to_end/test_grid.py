@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import os
 import re
@@ -90,21 +89,20 @@ def test_two_launchers_at_once_run_no_cell_twice(tmp_path: Path) -> None:
 
 def test_sixty_complete_cells_are_skipped_in_no_time(reference: Path, tmp_path: Path) -> None:
     """Made by hand from one complete cell. Sixty may take the processor five times as long as one."""
-    from src.experiment.hashing import configuration_hash
     from src.experiment.run_directory import RunDirectory
-    from tests.experiment.cells import cell
+    from tests.experiment.runs import changed, run_of
 
     arguments = (*AAN[1:], "actor=aan")
-    first = cell(*arguments, f"results_dir={tmp_path}")
+    first = run_of(*arguments, f"results_dir={tmp_path}")
     for seed in range(60):
-        config = dataclasses.replace(first, seed=seed)
-        run = RunDirectory(RunDirectory.path_of(config))
-        run.state.mkdir(parents=True)
+        run = changed(first, seed=seed)
+        directory = RunDirectory(run.path)
+        directory.state.mkdir(parents=True)
         (source,) = (reference / "test" / "runs").glob("*/*/*/*/seed_0")
         content = json.loads((source / "manifest.json").read_text())
-        content |= {"seed": seed, "configuration_hash": configuration_hash(config)}
-        (run.path / "manifest.json").write_text(json.dumps(content))
-        run.write_config(config)
+        content |= {"seed": seed, "configuration_hash": run.configuration_hash}
+        (directory.path / "manifest.json").write_text(json.dumps(content))
+        directory.write_config(run)
     seconds = {}
     for cells in (1, 60):
         before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime

@@ -38,7 +38,7 @@ def said(process, text):
 
 
 class Done:
-    def __init__(self, process, timeout=60):
+    def __init__(self, process, timeout=300):
         try:
             self.out, self.err = process.communicate(timeout=timeout)
         finally:

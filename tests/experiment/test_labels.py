@@ -5,9 +5,8 @@ import re
 import pytest
 
 from src.config import ConfigurationError
-from src.experiment.labels import LONGEST, changed_keys, label_of
-from src.experiment.run_directory import RunDirectory
-from tests.experiment.cells import cell
+from src.experiment.identity import LONGEST_LABEL
+from tests.experiment.runs import run_of
 
 
 @pytest.mark.parametrize(
@@ -32,30 +31,32 @@ from tests.experiment.cells import cell
     ],
 )
 def test_label(overrides, label):
-    assert label_of(cell(*overrides)) == label
-    assert RunDirectory.path_of(cell(*overrides)).parts[-3] == label
+    assert run_of(*overrides).label == label
+    assert run_of(*overrides).path.parts[-3] == label
 
 
 def test_changed_keys_are_recorded_even_under_an_explicit_label():
-    assert changed_keys(cell("label=mine", "actor.lateral.radius=4")) == {"actor.lateral.radius": 4}
+    assert run_of("label=mine", "actor.lateral.radius=4").changed_keys == {"actor.lateral.radius": 4}
 
 
 def test_a_long_label_is_cut_but_stays_unique_and_safe():
     sizes = [f"actor.hidden_sizes=[{','.join(['64'] * 60)},{last}]" for last in (64, 65)]
-    labels = {label_of(cell(each)) for each in sizes}
+    labels = {run_of(each).label for each in sizes}
     assert len(labels) == 2
     for label in labels:
-        assert len(label) <= LONGEST + 9
+        assert len(label) <= LONGEST_LABEL + 9
         assert re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.,=+\[\]-]*", label)
 
 
 def test_an_option_that_is_not_named_as_its_file_is_refused():
-    with pytest.raises(ConfigurationError, match=r"there is no conf/actor/mine\.yaml"):
-        cell("actor.name=mine")
+    with pytest.raises(
+        ConfigurationError, match=r"there is no actor=mine; an option is named as its file, conf/actor/mine\.yaml"
+    ):
+        run_of("actor.name=mine")
 
 
 def test_a_name_borrowed_from_the_papers_actor_shows_what_differs():
-    assert label_of(cell("actor=popsan", "actor.name=bptsan")) == "bptsan-dendritic.branches=1,lateral.radius=0"
+    assert run_of("actor=popsan", "actor.name=bptsan").label == "bptsan-dendritic.branches=1,lateral.radius=0"
 
 
 @pytest.mark.parametrize(
@@ -67,4 +68,4 @@ def test_a_name_borrowed_from_the_papers_actor_shows_what_differs():
     ],
 )
 def test_the_path_is_the_contracts(overrides, tail):
-    assert str(RunDirectory.path_of(cell(*overrides))).endswith(tail)
+    assert str(run_of(*overrides).path).endswith(tail)

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from src.experiment import machine
-from src.experiment.threads import PASSIVE_WAITING, environment
-from tests.experiment.cells import ROOT
+from src.experiment.process import PASSIVE_WAITING, thread_environment
+from tests.experiment.runs import ROOT
 
 ARM = "processor\t: 0\nBogoMIPS\t: 243.75\nCPU implementer\t: 0x41\nCPU architecture: 8\nCPU part\t: 0xd4f\n"
 
@@ -70,15 +70,15 @@ def test_two_threads_wait_passively(monkeypatch):
     """Spinning threads of a busy machine take the time of those that they wait for."""
     for name in PASSIVE_WAITING:
         monkeypatch.delenv(name, raising=False)
-    assert PASSIVE_WAITING.items() <= environment(2).items()
-    assert not environment(1).keys() & PASSIVE_WAITING.keys()
+    assert PASSIVE_WAITING.items() <= thread_environment(2).items()
+    assert not thread_environment(1).keys() & PASSIVE_WAITING.keys()
     monkeypatch.setenv("OMP_WAIT_POLICY", "ACTIVE")
-    assert "OMP_WAIT_POLICY" not in environment(2), "the user has said otherwise"
+    assert "OMP_WAIT_POLICY" not in thread_environment(2), "the user has said otherwise"
 
 
 SPINNING = """
-from src.experiment.threads import set_before_torch
-set_before_torch(2)
+from src.experiment.process import set_threads_before_torch
+set_threads_before_torch(2)
 import torch
 """
 
@@ -103,7 +103,7 @@ def test_the_file_itself_is_a_command():
     """Shell completion knows `python FILE.py` and no `python -m`."""
     command = [sys.executable, "src/run.py"]
     plan = subprocess.run([*command, "dry_run=true", "actor=aan"], cwd=ROOT, capture_output=True, text=True)
-    assert plan.returncode == 0 and "1 cell" in plan.stdout, plan
+    assert plan.returncode == 0 and "1 run in" in plan.stdout, plan
     line = "python src/run.py actor="
     completing = {**os.environ, "COMP_LINE": line, "COMP_POINT": str(len(line))}
     words = subprocess.run([*command, "-sc", "query=bash"], cwd=ROOT, env=completing, capture_output=True, text=True)

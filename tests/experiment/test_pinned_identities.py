@@ -10,10 +10,9 @@ import pytest
 import yaml
 
 from src.config import validate
-from src.experiment.hashing import configuration_hash
-from src.experiment.manifest import read
-from src.experiment.run_directory import RunDirectory
-from tests.experiment.cells import ROOT, cell
+from src.experiment.identity import Run
+from src.experiment.run_directory import read_manifest
+from tests.experiment.runs import ROOT, changed, run_of
 
 PINNED = [
     ((), "69e4d3010699ff6a", "results/paper/runs/td3/hopper/bptsan/poisson/seed_0"),
@@ -65,14 +64,14 @@ PINNED = [
 
 @pytest.fixture(autouse=True)
 def _engine_2(monkeypatch):
-    monkeypatch.setattr("src.experiment.hashing.ENGINE", 2)
+    monkeypatch.setattr("src.experiment.identity.ENGINE", 2)
 
 
 @pytest.mark.parametrize(("overrides", "prefix", "path"), PINNED, ids=lambda value: " ".join(value) if value else "-")
 def test_hash_and_path_of_a_configuration_stay(overrides, prefix, path):
-    config = cell(*overrides)
-    assert configuration_hash(config)[:16] == prefix
-    assert RunDirectory.path_of(config) == ROOT / path
+    run = changed(run_of(*overrides))  # its hash is not of another engine
+    assert run.configuration_hash[:16] == prefix
+    assert run.path == ROOT / path
 
 
 FINISHED = sorted(Path(ROOT / "results").glob("*/runs/*/*/*/*/seed_0"))
@@ -80,8 +79,8 @@ FINISHED = sorted(Path(ROOT / "results").glob("*/runs/*/*/*/*/seed_0"))
 
 @pytest.mark.parametrize("path", FINISHED, ids=lambda path: "/".join(path.parts[-7:]))
 def test_a_finished_run_of_engine_2_is_still_read_and_keeps_its_hash(path):
-    config = validate(yaml.safe_load((path / "config.yaml").read_text()))
-    manifest = read(path / "manifest.json")
-    assert manifest.configuration_hash == configuration_hash(config)
+    run = Run(validate(yaml.safe_load((path / "config.yaml").read_text())))
+    manifest = read_manifest(path / "manifest.json")
+    assert manifest.configuration_hash == run.configuration_hash
     assert manifest.engine == 2 and manifest.status == "complete" and manifest.step == manifest.total_steps
-    assert RunDirectory.path_of(config) == path
+    assert run.path == path

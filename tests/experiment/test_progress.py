@@ -3,8 +3,8 @@
 import io
 
 from src.experiment import progress
-from src.experiment.claim import claim
-from tests.experiment.cells import smoke
+from src.experiment.ownership import acquire
+from tests.experiment.runs import smoke
 
 
 class Clock:
@@ -29,7 +29,7 @@ def test_plain_lines_come_now_and_then_and_at_the_end():
 
 def test_the_heartbeat_is_throttled_but_never_stops(tmp_path):
     clock = Clock()
-    with claim(smoke(tmp_path)) as (run, _):
+    with acquire(smoke(tmp_path)) as (run, _):
         run.update_manifest(wall_time_seconds=100.0)
         beat = progress.Heartbeat(run, progress.PlainProgress(1000, io.StringIO(), clock), clock)
         seen = []

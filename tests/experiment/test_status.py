@@ -5,16 +5,15 @@ import json
 import pytest
 
 from src import status
-from src.experiment.claim import claim
-from src.experiment.manifest import Failure
-from src.experiment.study import rows
-from tests.experiment.cells import smoke
+from src.experiment.ownership import acquire
+from src.experiment.run_directory import Failure
+from tests.experiment.runs import smoke
 
 
 @pytest.fixture
 def study(tmp_path):
     def left(*overrides, status, step, failure=None):
-        with claim(smoke(tmp_path, *overrides)) as (run, _):
+        with acquire(smoke(tmp_path, *overrides)) as (run, _):
             run.evaluations.append(0, [(1.0, 5)])
             run.evaluations.append(step, [(10.0, 5), (20.0, 5)])
             run.training.append({"step": step, "steps_per_second": 50.0})
@@ -42,16 +41,21 @@ def test_the_table_shows_every_seed_under_its_state(study, capsys, monkeypatch):
 
 def test_a_live_run_is_running_and_its_time_left_is_told(study, tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
-    with claim(smoke(tmp_path, "seed=1")):
+    with acquire(smoke(tmp_path, "seed=1")):
         status.main([str(study)])
     assert "20 s" in capsys.readouterr().out  # 1,000 steps at 50 a second
 
 
 def test_a_complete_run_is_as_fast_as_it_was_over_all(study, tmp_path):
-    with claim(smoke(tmp_path, "seed=4")) as (run, _):
+    with acquire(smoke(tmp_path, "seed=4")) as (run, _):
         run.training.append({"step": 2000, "steps_per_second": 50.0})
         run.update_manifest(status="complete", step=2000, wall_time_seconds=16.0)
-    assert {one.seed: one.steps_per_second for one in rows(study)[1].runs} == {0: 50.0, 1: 50.0, 3: 50.0, 4: 125.0}
+    assert {one.seed: one.steps_per_second for one in status.read_study(study)[1].runs} == {
+        0: 50.0,
+        1: 50.0,
+        3: 50.0,
+        4: 125.0,
+    }
 
 
 def test_json(study, capsys):
@@ -66,7 +70,7 @@ def test_json(study, capsys):
     ("left", "code"), [({"status": "complete"}, 0), ({"status": "diverged"}, 0), ({"status": "interrupted"}, 75)]
 )
 def test_exit_codes(tmp_path, left, code):
-    with claim(smoke(tmp_path)) as (run, _):
+    with acquire(smoke(tmp_path)) as (run, _):
         run.update_manifest(step=2000, **left)
     assert status.main([str(tmp_path / "smoke")]) == code
 

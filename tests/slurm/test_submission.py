@@ -33,7 +33,7 @@ def test_the_submitting_shell_goes_away(cluster, tmp_path, gate):
 
     second = Done(submit(cluster, tmp_path, *grid, stub={}))
     assert second.code == 75, second
-    assert "2 busy" in second.out and "2 cells in Slurm's queue already" in second.out
+    assert "2 busy" in second.out and "2 runs in Slurm's queue already" in second.out
     assert "submitted" not in second.out
 
     open_gate(gate, *range(4))

@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 
 from src.config import ConfigurationError
-from src.experiment.claim import claim
+from src.experiment.identity import Run
+from src.experiment.ownership import acquire
 from src.training.loggers import TensorBoard, open_logger
 from src.training.session import TrainingSession
 from tests.helpers import Silent, tiny
@@ -54,7 +55,7 @@ def wandb(monkeypatch: pytest.MonkeyPatch) -> FakeWandb:
 
 
 def train(config: Any, stop_at: int | None = None) -> Path:
-    with claim(config) as (directory, _):
+    with acquire(Run(config)) as (directory, _):
         session = TrainingSession(config, directory, Silent())
         session.loop(lambda: session.step == stop_at)
         return directory.path
@@ -75,7 +76,7 @@ def test_a_resumed_run_goes_on_under_its_own_id(tmp_path: Path, wandb: FakeWandb
 def test_runs_are_told_apart_and_the_seeds_of_a_cell_are_a_group(tmp_path: Path, wandb: FakeWandb) -> None:
     cells = [(seed, env, label) for seed in (0, 1) for env in ("hopper", "ant") for label in ("aan", "aan-mine")]
     for seed, env, label in cells:
-        with claim(tiny(tmp_path, {"seed": seed, "label": label}, env=env, **WANDB)) as (directory, _):
+        with acquire(Run(tiny(tmp_path, {"seed": seed, "label": label}, env=env, **WANDB))) as (directory, _):
             open_logger(tiny(tmp_path, {"seed": seed, "label": label}, env=env, **WANDB), directory, 0)
     arguments = [run.arguments for run in wandb.runs]
     assert len({each["id"] for each in arguments}) == len({each["name"] for each in arguments}) == 8
@@ -96,7 +97,7 @@ def test_a_refusal_is_one_sentence(tmp_path: Path, wandb: FakeWandb, monkeypatch
         raise RuntimeError("api_key not configured (no-tty).\nmore")
 
     monkeypatch.setattr(wandb, "init", init)
-    with claim(tiny(tmp_path, **WANDB)) as (directory, _):
+    with acquire(Run(tiny(tmp_path, **WANDB))) as (directory, _):
         with pytest.raises(ConfigurationError, match=r"logger=wandb: api_key not configured.*logger.mode=offline"):
             open_logger(tiny(tmp_path, **WANDB), directory, 0)
         monkeypatch.setitem(sys.modules, "wandb", None)

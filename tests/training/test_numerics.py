@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from src.training.numerics import set_numerics
-from tests.experiment.cells import ROOT
+from tests.experiment.runs import ROOT
 
 FAULTS = """
 import resource, sys, torch

@@ -11,9 +11,9 @@ import pytest
 import torch
 
 from src.config import ExperimentConfig
-from src.experiment.claim import claim
-from src.experiment.outcome import Outcome
-from src.experiment.run_directory import RunDirectory
+from src.experiment.identity import Run
+from src.experiment.ownership import acquire
+from src.experiment.state import Outcome
 from src.training.checkpoint import CheckpointFolder, CorruptCheckpoint, read_archive
 from src.training.numerics import set_numerics
 from src.training.session import TrainingSession, select_blas
@@ -30,7 +30,7 @@ CASES = [
 def run(config: ExperimentConfig, stop_at: Callable[[int], bool] = lambda step: False) -> tuple[Outcome, Path]:
     progress = Silent()
     set_numerics(config.threads)
-    with claim(config) as (directory, _):
+    with acquire(Run(config)) as (directory, _):
         session = TrainingSession(config, directory, progress)
         outcome = session.loop(lambda: stop_at(session.step))
         return outcome, directory.path
@@ -95,7 +95,7 @@ def test_the_best_policy_is_kept_only_where_it_is_asked_for(tmp_path: Path) -> N
 
 def test_a_resume_on_another_blas_is_noted_and_one_on_the_same_is_not(tmp_path: Path) -> None:
     config, progress = tiny(tmp_path, actor="aan"), Silent()
-    with claim(config) as (directory, _):
+    with acquire(Run(config)) as (directory, _):
         select_blas(config, directory, progress)
         select_blas(config, directory, progress)
         recorded = directory.manifest.blas
@@ -111,7 +111,7 @@ def test_rows_written_after_the_last_checkpoint_are_redone_not_doubled(tmp_path:
     _, whole_path = run(tiny(tmp_path / "whole", actor="aan"))
     config = tiny(tmp_path / "killed", actor="aan")
     run(config, lambda step: step == 350)
-    path = RunDirectory.path_of(config)
+    path = Run(config).path
     with (path / "evaluations.csv").open("a") as file:  # a kill after the evaluation and before its checkpoint
         file.write("450,0,1.0,2\n450,1,1.0")
     run(config)
@@ -122,12 +122,12 @@ def test_a_truncated_checkpoint_falls_back_to_the_one_before_with_the_same_numbe
     _, whole_path = run(tiny(tmp_path / "whole", actor="aan"))
     config = tiny(tmp_path / "cut", actor="aan")
     run(config, lambda step: step == 400)
-    path = RunDirectory.path_of(config)
+    path = Run(config).path
     newest = CheckpointFolder(path / "state").paths()[0]
     assert newest.name.endswith("400.pt")
     newest.write_bytes(newest.read_bytes()[:-100])
     progress = Silent()
-    with claim(config) as (directory, _):
+    with acquire(Run(config)) as (directory, _):
         TrainingSession(config, directory, progress).loop(lambda: False)
     assert any("passed over" in note and "truncated" in note for note in progress.notes)
     assert "resumed at step 300" in progress.notes
@@ -138,7 +138,7 @@ def test_a_truncated_checkpoint_falls_back_to_the_one_before_with_the_same_numbe
 def test_two_corrupt_checkpoints_are_refused_and_the_evaluations_stay(tmp_path: Path) -> None:
     config = tiny(tmp_path, actor="aan")
     run(config, lambda step: step == 400)
-    path = RunDirectory.path_of(config)
+    path = Run(config).path
     rows = (path / "evaluations.csv").read_bytes()
     for checkpoint in CheckpointFolder(path / "state").paths():
         data = bytearray(checkpoint.read_bytes())
@@ -178,7 +178,7 @@ def test_the_initial_policy_is_evaluated_and_the_episodes_are_those_asked_for(tm
 
 
 def test_the_rate_shown_right_after_an_evaluation_is_not_zero(tmp_path: Path) -> None:
-    with claim(tiny(tmp_path, actor="aan")) as (directory, _):
+    with acquire(Run(tiny(tmp_path, actor="aan"))) as (directory, _):
         progress = Silent()
         TrainingSession(tiny(tmp_path, actor="aan"), directory, progress).loop(lambda: False)
     assert len(progress.rates) == 9 and min(progress.rates) > 0
@@ -221,10 +221,10 @@ def test_updates_see_observations_normalised_by_all_blocks_so_far(tmp_path: Path
     """Acting, evaluating and sampling use the same statistics; those of a burst include the block just collected."""
     config = tiny(tmp_path, actor="aan")
     bursts = []
-    with claim(config) as (directory, _):
+    with acquire(Run(config)) as (directory, _):
         session = TrainingSession(config, directory, Silent())
-        update = session.learner.update
-        session.learner.update = lambda burst: (bursts.append(burst), update(burst))[1]  # type: ignore[method-assign,func-returns-value]
+        learn = session.learner.learn
+        session.learner.learn = lambda burst: (bursts.append(burst), learn(burst))[1]  # type: ignore[method-assign,func-returns-value]
         session.loop(lambda: session.step == 150)
         stored = session.replay[torch.arange(150)]
     observations, next_observations = stored[0].double(), stored[3].double()

@@ -53,13 +53,15 @@ def test_the_report_shows_a_mixed_cell_as_refused_and_the_other_cells(tmp_path):
     assert "1 more cell refused" in page
 
 
-def test_a_config_that_was_edited_after_the_run_is_refused_though_its_hash_is_equal(tmp_path):
+def test_a_config_that_was_edited_after_the_run_is_noted_though_its_hash_is_equal(tmp_path):
     write_run(tmp_path / "s")
-    run = write_run(tmp_path / "s", seed=1)
+    run = write_run(tmp_path / "s", seed=1, noise=1)
     config = (run / "config.yaml").read_text()
     (run / "config.yaml").write_text(config.replace("discount: 0.99", "discount: 0.9"))
-    (refused,) = read_study(tmp_path / "s").refused
-    assert "same cell_hash and differ in algo.discount: 0.99 against 0.9" in refused.reason
+    study = read_study(tmp_path / "s")
+    (note,) = study.warnings
+    assert "same cell_hash" in note and "algo.discount: 0.99 against 0.9" in note
+    assert study.runs["counts_as"].tolist() == ["finished", "finished"]
 
 
 def test_the_keys_that_the_manifest_lists_decide_what_differs(tmp_path):
@@ -75,6 +77,24 @@ def test_the_keys_that_the_manifest_lists_decide_what_differs(tmp_path):
     assert "differ in backend: auto against fast." in refused.reason  # and not in threads, which neither lists
 
 
+def test_an_empty_list_of_hashed_keys_is_an_old_manifest_written_again(tmp_path):
+    write_run(tmp_path / "s", manifest={"hashed_keys": []})
+    write_run(tmp_path / "s", seed=1, changes={"algo.discount": 0.9}, manifest={"hashed_keys": [], "changed_keys": {}})
+    (refused,) = read_study(tmp_path / "s").refused
+    assert "algo.discount: 0.99 against 0.9" in refused.reason
+
+
+def test_several_blas_libraries_are_said(tmp_path):
+    for seed, library in enumerate(("mkl", "openblas", "openblas")):
+        about = {"library": library, "version": "1.2", "architecture": None}
+        write_run(tmp_path / "s", seed=seed, noise=1, manifest={"blas": about})
+    collect(tmp_path / "s")
+    study = load(tmp_path / "s")
+    assert study.runs["blas"].tolist() == ["mkl 1.2", "openblas 1.2", "openblas 1.2"]
+    (note,) = study.warnings
+    assert "mkl in 1, openblas in 2 runs" in note
+
+
 def test_another_actors_name_is_named_as_the_difference(tmp_path):
     """It is hashed: a refusal that says "no key of config.yaml" would leave the reader without a way out."""
     write_run(tmp_path / "s", actor="aan", label="mine")
@@ -87,11 +107,11 @@ def test_another_actors_name_is_named_as_the_difference(tmp_path):
 
 def test_the_rule_for_old_manifests_is_the_one_that_the_training_code_hashes_by():
     from analysis.data.flatten import NOT_HASHED, flatten
-    from src.experiment.hashing import numbers
+    from src.experiment.identity import hashed_values
 
-    config = configuration("sac", "ant", "bptsan")
+    config = configuration("sac", "ant", "bptsan") | {"blas": "auto", "keep_best": True}
     kept = {key for key in flatten(config) if not {key, key.partition(".")[0]} & NOT_HASHED}
-    assert kept == numbers(config).keys()
+    assert kept == hashed_values(config).keys()
 
 
 def test_copied_seeds_are_noted(tmp_path):

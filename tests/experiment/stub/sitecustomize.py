@@ -10,6 +10,7 @@ import ctypes
 import errno
 import json
 import os
+import pathlib
 import signal
 import sys
 import time
@@ -25,7 +26,7 @@ class NoTorch:
 
 
 def train(config, run, progress, stop_requested):
-    from src.experiment.outcome import Outcome
+    from src.experiment.state import Outcome
 
     plan = json.loads(os.environ["STUB"])
     checkpoint = run.state / "checkpoint"
@@ -82,11 +83,11 @@ def shrink_state(run):
 if "STUB" in os.environ:
     sys.meta_path.insert(0, NoTorch())
     package, session = types.ModuleType("src.training"), types.ModuleType("src.training.session")
-    package.__path__ = []
+    package.__path__ = [str(pathlib.Path(__file__).parents[3] / "src" / "training")]  # the plan builds tasks
     package.session = session
     session.train, session.shrink_state = train, shrink_state
     sys.modules |= {"src.training": package, "src.training.session": session}
     for name in json.loads(os.environ["STUB"]).get("without", ()):
         setattr(ctypes.CDLL, name, property(lambda _: (_ for _ in ()).throw(AttributeError("not on this machine"))))
-    if "src.job" in sys.orig_argv:
+    if "src.experiment.worker" in sys.orig_argv:
         time.sleep(json.loads(os.environ["STUB"]).get("importing", 0))

@@ -1,1 +1,1 @@
-"""Hydra takes launchers and sweepers only from the namespace package ``hydra_plugins``; these are thin shells."""
+"""Hydra takes launchers and sweepers only from the namespace package ``hydra_plugins``; the work is done elsewhere."""

@@ -1,43 +1,103 @@
-"""``hydra/launcher=local``: a fresh process per job, one per core (see :mod:`src.experiment.pool`)."""
+"""``hydra/launcher=local`` and ``slurm``: Hydra's side of :mod:`src.experiment.launch`."""
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Sequence
+from typing import Any
 
-from hydra_plugins.testbed.cell_launcher import CellLauncher
+from hydra.core.utils import JobReturn, JobStatus
+from hydra.plugins.launcher import Launcher
+from hydra.types import HydraContext, TaskFunction
+from omegaconf import DictConfig, OmegaConf
+from pydantic import ValidationError
 from rich.console import Console
 
 from src.config import ConfigurationError
-from src.experiment.closing import Ending
-from src.experiment.machine import usable_cores
-from src.experiment.plan import Cell
-from src.experiment.pool import Pool
-from src.experiment.sweep_display import SweepDisplay
+from src.config.validation import sentence
+from src.experiment.compose import compose_run
+from src.experiment.display import show_plan
+from src.experiment.launch.local import LocalSettings, run_locally
+from src.experiment.launch.slurm import SlurmSettings, run_in_slurm
+from src.experiment.plan import PlannedRun, make_plan
+from src.experiment.run_directory import RunState
+from src.experiment.state import RunResult
 
 
-class LocalLauncher(CellLauncher):
+class RunLauncher(Launcher):
+    """A launcher that takes planned runs, not command lines."""
+
+    settings_type: type[LocalSettings] | type[SlurmSettings]
+    trains_here: bool  # jobs have this machine's GPUs
+    hint = ""  # for a key that there isn't
+
+    def __init__(self, **keys: Any) -> None:
+        self._keys = OmegaConf.to_container(OmegaConf.create(keys), resolve=True)
+
+    def setup(self, *, hydra_context: HydraContext, task_function: TaskFunction, config: DictConfig) -> None:
+        """Hydra's own call.
+
+        Raises:
+            ConfigurationError: a key of hydra.launcher can't be right.
+        """
+        self._config = config
+        self._loader = hydra_context.config_loader
+        try:
+            self.settings = self.settings_type.model_validate(self._keys)
+        except ValidationError as error:
+            raise ConfigurationError("\n".join(map(self._sentence, error.errors()))) from None
+
+    def _sentence(self, error: Any) -> str:
+        if error["type"] == "value_error":
+            return str(error["ctx"]["error"])
+        if error["type"] == "extra_forbidden":
+            return f"hydra.launcher.{error['loc'][0]}: there is no such key{self.hint}."
+        return sentence(error, "hydra.launcher.")
+
+    @abstractmethod
+    def train(self, runs: Sequence[PlannedRun]) -> list[RunResult]:
+        """Train planned runs and return how each ended."""
+
+    def launch(self, job_overrides: Sequence[Sequence[str]], initial_job_idx: int) -> Sequence[JobReturn]:
+        """Hydra's own call, for other sweepers than ours."""
+        runs = [compose_run(self._loader.load_sweep_config(self._config, list(each))) for each in job_overrides]
+        plan = make_plan(runs, gpus_here=self.trains_here)
+        dry = any(run.config.dry_run for run in runs)
+        if dry:
+            show_plan(plan, Console(), 1, with_cost=True)
+        results = {} if dry else {result.name: result for result in self.train(plan.to_do)}
+        returns = []
+        for overrides, run in zip(job_overrides, runs):
+            result = results.get(run.name)
+            answer = JobReturn(overrides=overrides, status=JobStatus.COMPLETED)
+            answer.return_value = "planned" if dry else "complete"
+            if result is not None and result.state != RunState.COMPLETE:
+                answer.status = JobStatus.FAILED
+                answer.return_value = RuntimeError(f"{result.name}: {result.state} {result.why}")
+            returns.append(answer)
+        return returns
+
+
+class LocalLauncher(RunLauncher):
     """See conf/hydra/launcher/local.yaml for the arguments."""
 
-    def __init__(self, n_jobs: int | None, grace_seconds: float, hang_minutes: float | None) -> None:
-        self.n_jobs = n_jobs
-        self.grace_seconds = grace_seconds
-        self.hang_minutes = hang_minutes
+    settings_type = LocalSettings
+    settings: LocalSettings
+    trains_here = True
 
-    def check(self) -> None:
-        """Look at the launcher's keys."""
-        for key in ("n_jobs", "grace_seconds", "hang_minutes"):
-            value = getattr(self, key)
-            if value is None and key != "grace_seconds":
-                continue
-            if not isinstance(value, int if key == "n_jobs" else int | float) or isinstance(value, bool) or value <= 0:
-                raise ConfigurationError(f"hydra.launcher.{key}: should be a positive number, found {value!r}.")
+    def train(self, runs: Sequence[PlannedRun]) -> list[RunResult]:
+        """A process of its own for each."""
+        return run_locally(self.settings, runs)
 
-    def jobs_at_once(self, threads: int) -> int:
-        """``n_jobs``, by default as many as the usable cores hold."""
-        return self.n_jobs or max(1, usable_cores() // threads)
 
-    def run_cells(self, cells: Sequence[Cell]) -> list[Ending]:
-        """Run planned cells."""
-        threads = max((cell.config.threads for cell in cells), default=1)
-        with SweepDisplay(Console(), len(cells)) as display:
-            return Pool(self.jobs_at_once(threads), self.grace_seconds, self.hang_minutes, display).run(cells)
+class SlurmLauncher(RunLauncher):
+    """See conf/hydra/launcher/slurm.yaml for the arguments."""
+
+    settings_type = SlurmSettings
+    settings: SlurmSettings
+    trains_here = False
+    hint = "; more of sbatch's options go into hydra.launcher.additional_parameters"
+
+    def train(self, runs: Sequence[PlannedRun]) -> list[RunResult]:
+        """A Slurm job for each."""
+        return run_in_slurm(self.settings, runs)

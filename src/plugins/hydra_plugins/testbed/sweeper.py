@@ -1,6 +1,6 @@
-"""``hydra/sweeper=grid``: compose and validate the whole grid, print the plan, launch what is needed, close the sweep.
+"""``hydra/sweeper=grid``: compose and validate the whole grid, print the plan, launch what is needed, sum up.
 
-It stands in for Hydra's basic sweeper under every launcher: cells that are complete never reach the launcher, and what
+It stands in for Hydra's basic sweeper under every launcher: runs that are complete never reach the launcher, and what
 became of the others is read from their manifests, not from what a launcher returns.
 """
 
@@ -16,15 +16,18 @@ from hydra.core.override_parser.types import Override
 from hydra.core.plugins import Plugins
 from hydra.plugins.sweeper import Sweeper
 from hydra.types import HydraContext, TaskFunction
-from hydra_plugins.testbed.cell_launcher import CellLauncher
+from hydra_plugins.testbed.launcher import RunLauncher
 from omegaconf import DictConfig
 from rich.console import Console
 
-from src.config import ConfigurationError, ExperimentConfig
-from src.experiment.closing import close, ending
-from src.experiment.compose import cell_of
-from src.experiment.decision import Action
-from src.experiment.plan import Plan, check_writable, make_plan, show
+from src.config import ConfigurationError
+from src.experiment.checks import check_writable
+from src.experiment.command_line import check_sweep
+from src.experiment.compose import compose_run
+from src.experiment.display import show_plan, show_summary
+from src.experiment.identity import Run
+from src.experiment.plan import Plan, make_plan
+from src.experiment.state import Action, result_of
 
 
 class GridSweeper(Sweeper):
@@ -46,37 +49,41 @@ class GridSweeper(Sweeper):
         """Plan and run the grid.
 
         Raises:
-            ConfigurationError: a cell is invalid; nothing was started.
+            ConfigurationError: a run is invalid; nothing was started.
             SystemExit: the exit code, where it isn't 0.
         """
         parser = OverridesParser.create(config_loader=self._loader)
         jobs = product(parser.parse_overrides([f"{key}={value}" for key, value in self.params.items()] + arguments))
-        configs = self._compose(jobs)
-        plan = make_plan(configs)
-        dry = any(config.dry_run for config in configs)
-        console = Console()
-        ours = self._launcher if isinstance(self._launcher, CellLauncher) else None
+        jobs, runs = self._compose(jobs)
+        ours = self._launcher if isinstance(self._launcher, RunLauncher) else None
+        here = ours.trains_here if ours else type(self._launcher).__name__ == "BasicLauncher"
+        plan = make_plan(runs, gpus_here=here)
+        dry = any(run.config.dry_run for run in runs)
         at_once = len(plan.to_do)
         if ours:
-            at_once = min(at_once, ours.jobs_at_once(max(c.threads for c in configs)))
-        show(plan, console, max(at_once, 1), with_cost=dry)
+            at_once = min(at_once, ours.settings.jobs_at_once(max(run.config.threads for run in runs)))
+        console = Console()
+        show_plan(plan, console, max(at_once, 1), with_cost=dry)
         if dry:
             return
-        check_writable(configs[0])
+        check_writable(runs[0].config)
         if ours:
-            endings = ours.run_cells(plan.to_do)
+            results = ours.train(plan.to_do)
         else:
             self._launch_elsewhere(plan, jobs)
-            endings = [ending(cell) for cell in plan.to_do]
-        code = close(endings, len(plan.having(Action.BUSY)), console)
-        if code:
+            results = [result_of(each.run) for each in plan.to_do]
+        if code := show_summary(results, len(plan.having(Action.BUSY)), console):
             sys.exit(code)
 
-    def _compose(self, jobs: Sequence[Sequence[str]]) -> list[ExperimentConfig]:
-        """Every cell; the seeds of one cell share Hydra's composition, which takes a fifth of a second."""
+    def _compose(self, jobs: Sequence[list[str]]) -> tuple[list[list[str]], list[Run]]:
+        """Every run; the seeds of one configuration share Hydra's composition, which takes a fifth of a second.
+
+        Two jobs that differ only in a key that changes nothing (``actor=aan encoder.population_size=10,20``) are one.
+        """
         shared: dict[tuple[str, ...], DictConfig] = {}
-        configs = []
-        mistakes: dict[str, str] = {}  # each mistake once, with the first cell that has it
+        kept: list[list[str]] = []
+        runs: list[Run] = []
+        mistakes: dict[str, str] = {}  # each mistake once, with the first run that has it
         for job in jobs:
             seeds = [each for each in job if re.fullmatch(r"seed=\d+", each)]
             key = tuple(each for each in job if each not in seeds)
@@ -86,16 +93,21 @@ class GridSweeper(Sweeper):
             if seeds:
                 composed.seed = int(seeds[-1].removeprefix("seed="))
             try:
-                configs.append(cell_of(composed))
+                run = compose_run(composed)
             except ConfigurationError as error:
                 mistakes.setdefault(str(error), " ".join(job))
+                continue
+            if run in runs and job not in kept:
+                continue
+            kept.append(job)
+            runs.append(run)
         if mistakes:
-            raise ConfigurationError("\n".join(f"{mistake} (in the cell {cell})" for mistake, cell in mistakes.items()))
-        return configs
+            raise ConfigurationError("\n".join(f"{mistake} (in the run {run})" for mistake, run in mistakes.items()))
+        return kept, runs
 
     def _launch_elsewhere(self, plan: Plan, jobs: Sequence[Sequence[str]]) -> None:
-        """Hand the cells to do to another launcher of Hydra's; an error of one batch doesn't end the sweep."""
-        needed = [list(job) for job, cell in zip(jobs, plan.cells) if cell in plan.to_do]
+        """Hand the runs to do to another launcher of Hydra's; an error of one batch doesn't end the sweep."""
+        needed = [list(job) for job, planned in zip(jobs, plan.runs) if planned in plan.to_do]
         size = self.max_batch_size or max(len(needed), 1)
         for start in range(0, len(needed), size):
             try:
@@ -108,19 +120,14 @@ def product(overrides: Sequence[Override]) -> list[list[str]]:
     """All combinations as lists of ``key=value``.
 
     Raises:
-        ConfigurationError: a sweep over sweep files (Hydra would run two default jobs in silence) or over an interval.
+        ConfigurationError: a sweep whose values can't be written out one by one.
     """
     choices: dict[str, list[str]] = {}
     for override in overrides:
         key = override.get_key_element()
-        if not override.is_sweep_override():
-            choices[key] = [f"{key}={override.get_value_element_as_str()}"]
-        elif key.lstrip("+") == "sweeps":
-            raise ConfigurationError("sweeps: one sweep file per command.")
-        elif override.is_discrete_sweep():
+        if override.is_sweep_override():
+            check_sweep(override)
             choices[key] = [f"{key}={value}" for value in override.sweep_string_iterator()]
         else:
-            raise ConfigurationError(
-                f"{override.input_line}: a grid needs single values, such as {key}=0,1,2 or {key}=range(3)."
-            )
+            choices[key] = [f"{key}={override.get_value_element_as_str()}"]
     return [list(job) for job in itertools.product(*choices.values())]

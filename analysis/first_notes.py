@@ -1,0 +1,79 @@
+"""The notes that stand before any number: what could make a reader take the numbers for more than they are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from analysis.data.cells import Cell, select
+from analysis.data.names import actor_name, algorithm_name, task_name
+from analysis.data.study import Study
+
+
+def first_notes(study: Study, cells: list[Cell]) -> list[str]:
+    """Learning rates, evaluation noise, runs that diverged or are missing at the end: one sentence each."""
+    found = []
+    for algo in dict.fromkeys(cell.algo for cell in cells):
+        here = select(cells, algo)
+        found += [sentence for sentence in (_learning_rates(study, here), _noise(here), _diverged(here)) if sentence]
+    return found
+
+
+def _learning_rates(study: Study, here: list[Cell]) -> str:
+    """Whether all actors of an algorithm learn at one rate; the published comparison does not."""
+    rates: dict[float, list[str]] = {}
+    for cell in here:
+        config = study.configurations[f"{cell.algo}/{cell.env}/{cell.arm}"]
+        rate = config["algo"].get("actor_learning_rate")
+        if rate is not None and actor_name(cell.arm) not in rates.setdefault(float(rate), []):
+            rates[float(rate)].append(actor_name(cell.arm))
+    name = algorithm_name(here[0].algo)
+    if not rates:
+        return ""
+    if len(rates) == 1:
+        return f"{name}: all actors learn at one rate, {next(iter(rates)):g}."
+    fewest = sorted(rates, key=lambda rate: len(rates[rate]))
+    shown = [f"{rate:g} for {', '.join(rates[rate])}" for rate in fewest[:-1]]
+    return (
+        f"{name}: actors learn at different rates ({'; '.join(shown)}; {fewest[-1]:g} for all others), as in the "
+        "published comparison: a difference between them is not the actor's alone."
+    )
+
+
+def _noise(here: list[Cell]) -> str:
+    """How much of the variance between seeds the noise of their last evaluations can account for."""
+    shares = []
+    for env in dict.fromkeys(cell.env for cell in here):
+        found = [pair for cell in select(here, env=env) if (pair := _variances(cell))]
+        if found:
+            noise, between = (float(np.mean(values)) for values in zip(*found))
+            if between > 0:
+                shares.append(f"{min(noise / between, 1):.0%} on {task_name(env)}")
+    if not shares:
+        return ""
+    return (
+        f"{algorithm_name(here[0].algo)}: of the variance between seeds, the scatter of a run's last evaluations "
+        f"explains at most {', '.join(shares)}."
+    )
+
+
+def _variances(cell: Cell) -> tuple[float, float] | None:
+    """The variance of a run's final performance through its evaluations, mean over seeds; and that between seeds."""
+    late = cell.returns[:, (10 * cell.steps > 9 * cell.training_steps) & (cell.steps <= cell.training_steps)]
+    if cell.n < 2 or late.shape[1] < 2:
+        return None
+    within = pd.DataFrame(late).var(axis=1, ddof=1).to_numpy() / late.shape[1]
+    return float(np.nanmean(within)), float(cell.final.var(ddof=1))
+
+
+def _diverged(here: list[Cell]) -> str:
+    runs = [
+        f"{actor_name(cell.arm)} on {task_name(cell.env)} {int(cell.diverged.sum())} of {cell.n}"
+        for cell in here
+        if cell.diverged.any()
+    ]
+    return (
+        f"{algorithm_name(here[0].algo)}: runs diverged and count with their last value: {'; '.join(runs)}."
+        if runs
+        else ""
+    )

@@ -1,0 +1,177 @@
+"""What a person sees of a grid: the plan before it, the runs while it goes on, the summary at its end."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Sequence
+
+from rich.console import Console, Group
+from rich.filesize import decimal
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from src.experiment.cost import cost
+from src.experiment.files import last_return, last_row
+from src.experiment.machine import shown_path
+from src.experiment.plan import NAMED, Plan, PlannedRun
+from src.experiment.progress import duration, number, time_left
+from src.experiment.run_directory import ManifestError, RunState
+from src.experiment.state import Action, ExitCode, RunResult, exit_code
+
+_REFRESH_SECONDS = 2.0
+#: Elsewhere than on a terminal, the running runs are listed this often.
+_LINE_SECONDS = 300.0
+
+
+def show_plan(plan: Plan, console: Console, jobs_at_once: int, with_cost: bool) -> None:
+    """Print what will be done: a line per group of seeds, then the runs that need a word."""
+    counts = Counter(each.next.action for each in plan.runs)
+    studies = sorted({shown_path(each.run.path.parents[5]) for each in plan.runs})
+    console.print(
+        f"{len(plan.runs)} run{'s' * (len(plan.runs) != 1)} in {', '.join(studies)}: {len(plan.to_do)} to do, "
+        f"{counts[Action.SKIP] + counts[Action.DIVERGED]} done, {counts[Action.BUSY]} busy",
+        highlight=False,
+        soft_wrap=True,
+    )
+    if len(plan.runs) > 1:
+        console.print(_plan_table(plan, [action for action in Action if counts[action]]))
+    else:
+        _print(console, shown_path(plan.runs[0].run.path))
+    for action in (Action.RESUME, Action.RETRY, Action.EXTEND, Action.REPLACE, Action.DIVERGED, Action.BUSY):
+        concerned = plan.having(action)
+        for each in concerned[:NAMED]:
+            _print(console, f"{action}: {each.name} ({each.next.reason})")
+        if len(concerned) > NAMED:
+            _print(console, f"... and {len(concerned) - NAMED} more to {action}")
+    if with_cost and plan.to_do:
+        _show_cost(plan, console, jobs_at_once)
+
+
+def _plan_table(plan: Plan, present: Sequence[Action]) -> Table:
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for column in ("algo", "env", "actor", "encoder"):
+        table.add_column(column, overflow="fold")
+    for action in present:
+        table.add_column(action.value, justify="right")
+    groups: dict[tuple[str, ...], Counter[Action]] = {}
+    for each in plan.runs:
+        groups.setdefault(each.run.path.parts[-5:-1], Counter())[each.next.action] += 1
+    for names, actions in groups.items():
+        table.add_row(*names, *(str(actions[action] or "") for action in present))
+    return table
+
+
+def _show_cost(plan: Plan, console: Console, jobs_at_once: int) -> None:
+    fresh = {Action.RUN, Action.REPLACE}
+    runs = [(each.run.config, 0 if each.next.action in fresh else each.next.step) for each in plan.to_do]
+    estimate = cost(runs, jobs_at_once)
+    basis = (
+        "from the runs in the results folder" if estimate.measured else "rough: some rates are defaults, not measured"
+    )
+    _print(
+        console,
+        f"about {duration(estimate.clock_hours * 3600)} with {jobs_at_once} at once, "
+        f"{estimate.core_hours:.1f} core-hours ({basis})\n"
+        f"about {decimal(estimate.peak_bytes)} of disk for replay at the peak, "
+        f"{decimal(estimate.kept_bytes)} of it kept at the end",
+    )
+    if estimate.unknown_sizes:
+        _print(console, f"not counted: the replay of {', '.join(estimate.unknown_sizes)} (sizes unknown)")
+
+
+class SweepDisplay:
+    """A live table on a terminal, a line per finished run elsewhere.
+
+    Used by one thread: rich's own refresh thread stays off, because jobs are started from here.
+    """
+
+    def __init__(self, console: Console, runs: int) -> None:
+        self._console = console
+        self._runs = runs
+        self._ended = 0
+        self._last = time.monotonic()
+        self._live = Live(console=console, auto_refresh=False, transient=True) if console.is_terminal else None
+
+    def __enter__(self) -> SweepDisplay:
+        if self._live:
+            self._live.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._live:
+            self._live.stop()
+
+    def started(self, planned: PlannedRun) -> None:
+        """A job has begun."""
+        if self._live is None:
+            self.note(f"[{self._ended}/{self._runs}] {planned.name} started")
+
+    def ended(self, result: RunResult, seconds: float) -> None:
+        """A job has ended: one permanent line."""
+        self._ended += 1
+        line = f"[{self._ended}/{self._runs}] {result.name} {result.state} {seconds:.0f} s"
+        if result.state == RunState.COMPLETE:
+            line += f" return {number(last_return(result.read / 'evaluations.csv'))}"
+        elif result.why:
+            line += f" ({result.why})"
+        self.note(line)
+
+    def note(self, text: str) -> None:
+        """One permanent line."""
+        _print(self._console, text)
+
+    def show(self, running: Sequence[PlannedRun], waiting: int) -> None:
+        """Refresh, if the last time was long enough ago."""
+        if time.monotonic() - self._last < (_REFRESH_SECONDS if self._live else _LINE_SECONDS):
+            return
+        self._last = time.monotonic()
+        rows = [(each.name, *_how_far(each)) for each in running]
+        if self._live is None:
+            for row in rows:
+                self.note(f"[{self._ended}/{self._runs}] {' '.join(row)}")
+            return
+        table = Table(box=None, pad_edge=False)
+        for row in rows:
+            table.add_row(*(Text(part) for part in row))
+        head = Text(f"{self._ended} of {self._runs} runs done, {len(running)} running, {waiting} waiting")
+        self._live.update(Group(head, table), refresh=True)
+
+
+def _how_far(planned: PlannedRun) -> tuple[str, str]:
+    """The steps of a running run, and its last return, speed and time left."""
+    try:
+        manifest = planned.directory.read_manifest()
+    except (ManifestError, OSError):
+        manifest = None
+    if manifest is None:
+        return "starting", ""
+    row = last_row(planned.run.path / "training.csv")
+    rate = float(row.get("steps_per_second") or 0) if row else 0.0
+    left = time_left(manifest.total_steps - manifest.step, rate)
+    shown = number(last_return(planned.run.path / "evaluations.csv"))
+    return f"{manifest.step}/{manifest.total_steps}", f"return {shown}  {rate:.0f} steps/s  {left} left"
+
+
+def show_summary(results: Sequence[RunResult], busy_before: int, console: Console) -> ExitCode:
+    """Print what is not well, each with where to read why, and return the exit code of the sweep."""
+    count = Counter(result.state for result in results)
+    parts = [f"{number} {state}" for state, number in count.items()]
+    if busy_before:
+        parts.append(f"{busy_before} left to another launcher")
+        count[RunState.BUSY] += busy_before
+    _print(console, f"finished: {', '.join(parts)}")
+    well = (RunState.COMPLETE, RunState.INTERRUPTED, RunState.NOT_STARTED)
+    unwell = [result for result in results if result.state not in well]
+    width = max((len(result.state) for result in unwell), default=0)
+    for result in unwell:  # unwrapped lines: a path can be copied, a line can be searched for
+        print(
+            f"{result.state:{width}}  {result.name}  {result.why}\n{'':{width}}  read {shown_path(result.read)}",
+            flush=True,
+        )
+    return exit_code(count)
+
+
+def _print(console: Console, text: str) -> None:
+    console.print(text, highlight=False, markup=False, soft_wrap=True)

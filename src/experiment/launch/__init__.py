@@ -1,0 +1,1 @@
+"""How planned runs are started: a process each on this machine, or jobs of a Slurm cluster."""

@@ -1,0 +1,186 @@
+"""``hydra/launcher=local``: a fresh process per run, so many at once; whatever one does, the others go on.
+
+Each job runs in a session of its own: a Ctrl-C in the terminal reaches only this process, which passes on a SIGTERM and
+waits, so that no job is left behind; if this process is killed itself, the kernel sends the jobs their SIGTERM
+(see :func:`src.experiment.process.die_with`).
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field
+from rich.console import Console
+
+from src.experiment.display import SweepDisplay
+from src.experiment.machine import ROOT, usable_cores
+from src.experiment.ownership import record_death
+from src.experiment.plan import PlannedRun
+from src.experiment.process import thread_environment
+from src.experiment.run_directory import RunState
+from src.experiment.state import ExitCode, RunResult, result_of
+
+_POLL_SECONDS = 0.2
+
+
+class LocalSettings(BaseModel):
+    """The keys of conf/hydra/launcher/local.yaml."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    n_jobs: Annotated[int, Field(ge=1)] | None
+    grace_seconds: Annotated[float, Field(gt=0)]
+    hang_minutes: Annotated[float, Field(gt=0)] | None
+
+    def jobs_at_once(self, threads: int) -> int:
+        """``n_jobs``, by default as many as the usable cores hold."""
+        return self.n_jobs or max(1, usable_cores() // threads)
+
+
+def run_locally(settings: LocalSettings, runs: Sequence[PlannedRun]) -> list[RunResult]:
+    """Train planned runs, each in a process of its own."""
+    threads = max((each.run.config.threads for each in runs), default=1)
+    with SweepDisplay(Console(), len(runs)) as display:
+        return Pool(settings, settings.jobs_at_once(threads), display).run(runs)
+
+
+class Job:
+    """One running process and its run."""
+
+    def __init__(self, planned: PlannedRun) -> None:
+        self.planned = planned
+        self.started = time.monotonic()
+        self._sign: tuple[float, object] = (self.started, None)
+        planned.directory.state.mkdir(parents=True, exist_ok=True)
+        with (planned.directory.state / "log.txt").open("ab") as log:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "src.experiment.worker", "--parent", str(os.getpid())],
+                stdin=subprocess.PIPE,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                cwd=ROOT,
+                env={**os.environ, **thread_environment(planned.run.config.threads), "PYTHONUNBUFFERED": "1"},
+                start_new_session=True,
+            )
+        assert self.process.stdin is not None
+        try:
+            with self.process.stdin as pipe:
+                pipe.write(json.dumps(planned.run.to_dict()).encode())
+        except BrokenPipeError:
+            pass  # it is dead already; its exit code tells
+
+    def silent_seconds(self) -> float:
+        """Since when the manifest's heartbeat has not moved, on a clock that stops while the machine sleeps."""
+        path = self.planned.run.path / "manifest.json"
+        try:
+            sign: object = path.stat().st_mtime_ns
+        except OSError:
+            sign = None
+        if sign != self._sign[1]:
+            self._sign = (time.monotonic(), sign)
+        return time.monotonic() - self._sign[0]
+
+
+class Pool:
+    """Starts jobs and waits for them; ``run`` returns how each ended."""
+
+    def __init__(self, settings: LocalSettings, jobs_at_once: int, display: SweepDisplay) -> None:
+        self._n_jobs = jobs_at_once
+        self._grace_seconds = settings.grace_seconds
+        self._hang_seconds = None if settings.hang_minutes is None else settings.hang_minutes * 60
+        self._display = display
+        self._interrupts = 0
+        self._deadline = float("inf")
+        self._jobs: list[Job] = []
+        self._hung: set[int] = set()
+
+    def run(self, runs: Sequence[PlannedRun]) -> list[RunResult]:
+        """Start them in order, wait for all."""
+        waiting = list(runs)
+        results: list[RunResult] = []
+        before = {number: signal.signal(number, self._on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
+        try:
+            while self._jobs or (waiting and not self._interrupts):
+                while waiting and len(self._jobs) < self._n_jobs and not self._interrupts:
+                    self._start(waiting.pop(0), results)
+                for job in [job for job in self._jobs if job.process.poll() is not None]:
+                    self._jobs.remove(job)
+                    results.append(self._end(job))
+                self._watch()
+                self._display.show([job.planned for job in self._jobs], len(waiting))
+                time.sleep(_POLL_SECONDS)
+        finally:
+            for job in self._jobs:
+                job.process.kill()
+                job.process.wait()
+            for number, handler in before.items():
+                signal.signal(number, handler)
+        return results + [RunResult(each.name, RunState.NOT_STARTED, "", each.run.path) for each in waiting]
+
+    def _start(self, planned: PlannedRun, results: list[RunResult]) -> None:
+        try:
+            job = Job(planned)
+        except OSError as error:
+            why = f"could not be started: {error}"
+            results.append(RunResult(planned.name, RunState.FAILED, why, planned.run.path))
+            self._display.ended(results[-1], 0.0)
+            return
+        self._jobs.append(job)
+        self._display.started(planned)
+        if self._interrupts:  # while it was being started
+            job.process.terminate()
+
+    def _end(self, job: Job) -> RunResult:
+        code = job.process.returncode
+        killed = self._cause_of_death(job, code)
+        run = job.planned.run
+        if killed is not None:
+            record_death(run, killed)
+        result = result_of(run, killed)
+        if code < 0 and killed is None and result.state == RunState.NOT_FINISHED:  # by our signal, too early to record
+            result = result._replace(state=RunState.INTERRUPTED, why="")
+        if code == ExitCode.BUSY:
+            result = result._replace(state=RunState.BUSY, why="another launcher's process holds it")
+        elif code == ExitCode.REFUSED:
+            log = job.planned.directory.state / "log.txt"
+            result = result._replace(state=RunState.FAILED, why="refused at the start", read=log)
+        self._display.ended(result, time.monotonic() - job.started)
+        return result
+
+    def _cause_of_death(self, job: Job, code: int) -> str | None:
+        """None where the job itself has recorded how it ended."""
+        if job.process.pid in self._hung:
+            return "hung: no sign of life, killed by the launcher"
+        if code >= 0:
+            return None
+        if self._interrupts:
+            return None  # ours; the run resumes from its last checkpoint
+        name = signal.Signals(-code).name
+        return f"killed by {name}" + (" (out of memory?)" if -code == signal.SIGKILL else "")
+
+    def _watch(self) -> None:
+        if self._interrupts and (time.monotonic() > self._deadline or self._interrupts > 1):
+            for job in self._jobs:
+                job.process.kill()
+        if self._hang_seconds is None:
+            return
+        for job in self._jobs:
+            if job.silent_seconds() > self._hang_seconds:
+                self._hung.add(job.process.pid)
+                job.process.kill()
+
+    def _on_signal(self, number: int, _frame: Any) -> None:
+        self._interrupts += 1
+        if self._interrupts > 1:
+            return
+        self._deadline = time.monotonic() + self._grace_seconds
+        for job in self._jobs:
+            job.process.terminate()
+        self._display.note("stopping: the running jobs take a checkpoint; once more stops them at once")

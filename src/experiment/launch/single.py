@@ -1,0 +1,88 @@
+"""Hydra's task function: a single run with the live display, or one run under another launcher of Hydra's."""
+
+from __future__ import annotations
+
+import sys
+
+from hydra.core.hydra_config import HydraConfig
+from hydra.types import RunMode
+from omegaconf import DictConfig
+from rich.console import Console
+
+from src.config import ConfigurationError
+from src.experiment.checks import check_writable
+from src.experiment.compose import compose_run
+from src.experiment.display import show_plan
+from src.experiment.files import last_return
+from src.experiment.identity import Run
+from src.experiment.ownership import BusyError
+from src.experiment.plan import make_plan
+from src.experiment.progress import PlainProgress, display, number
+from src.experiment.run_directory import RunState
+from src.experiment.state import Action, ExitCode, Outcome
+from src.experiment.worker import RunFailedError, execute
+
+
+def run_composed(composed: DictConfig) -> str:
+    """Train one run and return its state.
+
+    Raises:
+        SystemExit: of a single run: bad input or a recorded failure (its cause), interrupted or busy.
+        ConfigurationError: of one run of many: bad input.
+        RunFailedError: of one run of many: it failed and has recorded why.
+    """
+    if HydraConfig.get().mode != RunMode.RUN:
+        return _one_of_many(compose_run(composed))
+    try:
+        return _alone(compose_run(composed))
+    except ConfigurationError as error:
+        raise SystemExit(ExitCode.REFUSED) from error  # not an Exception: Hydra would print lines of its own around it
+    except RunFailedError as error:
+        raise SystemExit(ExitCode.FAILED) from error
+
+
+def _alone(run: Run) -> str:
+    plan = make_plan([run], gpus_here=True)
+    console = Console()
+    show_plan(plan, console, 1, with_cost=run.config.dry_run)
+    if run.config.dry_run:
+        return "planned"
+    check_writable(run.config)
+    if plan.having(Action.BUSY):
+        sys.exit(ExitCode.INTERRUPTED)
+    if not plan.to_do:
+        return RunState.COMPLETE
+    with display(run.config.protocol.total_steps) as progress:
+        try:
+            outcome = execute(run, progress)
+        except BusyError as busy:
+            progress.note(str(busy))
+            sys.exit(ExitCode.INTERRUPTED)
+    _report(run, outcome, console)
+    if outcome.status == RunState.INTERRUPTED:
+        sys.exit(ExitCode.INTERRUPTED)
+    return outcome.status
+
+
+def _report(run: Run, outcome: Outcome, console: Console) -> None:
+    line = f"{run.name} {outcome.status} at step {outcome.step}"
+    line += f", last return {number(last_return(run.path / 'evaluations.csv'))}"
+    if outcome.message:
+        line += f" ({outcome.message})"
+    console.print(f"{line}: {run.path}", highlight=False, markup=False, soft_wrap=True)
+    if outcome.status == RunState.INTERRUPTED:
+        console.print("the same command again goes on from here", highlight=False)
+
+
+def _one_of_many(run: Run) -> str:
+    if run.config.dry_run:  # under Hydra's own sweepers
+        show_plan(make_plan([run]), Console(), 1, with_cost=True)
+        return "planned"
+    try:
+        outcome = execute(run, PlainProgress(run.config.protocol.total_steps))
+    except BusyError as busy:
+        print(busy)
+        return RunState.BUSY
+    if outcome.status == RunState.INTERRUPTED:
+        raise KeyboardInterrupt  # not an Exception: Hydra's basic launcher then starts no further job
+    return outcome.status

@@ -1,0 +1,234 @@
+"""Who may write in a run directory: one process at a time. How it takes the directory, and makes it ready to train.
+
+Two means, because neither suffices alone: a kernel lock on ``state/lock``, which dies with its owner, so that the lock
+of a dead process never blocks; and, where a file system doesn't carry locks between machines, the manifest's sign of
+life (:func:`src.experiment.state.alive_elsewhere`). A job that was requeued to another machine waits until that sign
+is old or moves.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import shutil
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from filelock import FileLock, Timeout
+
+from src.config import ENGINE, ConfigurationError
+from src.experiment import machine
+from src.experiment.files import replace_file
+from src.experiment.identity import Run, differences
+from src.experiment.run_directory import (
+    FILES,
+    RESERVE_FILE,
+    Failure,
+    Manifest,
+    ManifestError,
+    RunDirectory,
+    RunState,
+    now,
+)
+from src.experiment.state import Action, NextAction, alive_elsewhere, next_action
+
+#: How long taking the lock is tried: a plan or a status may look at it for an instant.
+ACQUIRE_SECONDS = 3.0
+
+
+class BusyError(Exception):
+    """A live process holds the run directory."""
+
+
+def lock_of(path: Path) -> FileLock:
+    """The lock of a run directory (made where it is missing), not yet taken."""
+    (path / "state").mkdir(parents=True, exist_ok=True)
+    return FileLock(path / "state" / "lock", timeout=ACQUIRE_SECONDS)
+
+
+@contextmanager
+def acquire(run: Run) -> Iterator[tuple[RunDirectory, NextAction]]:
+    """Hold the directory of ``run``; where there is work to do its manifest says ``running`` on entry.
+
+    Raises:
+        BusyError: another live process holds it.
+        ConfigurationError: another configuration has used it meanwhile.
+        OSError: it can't be written.
+    """
+    directory = RunDirectory(run.path)
+    lock = lock_of(run.path)
+    try:
+        lock.acquire()
+    except Timeout:
+        raise BusyError(f"{run.name}: held by a live process") from None
+    try:
+        if not wait_for_silence(directory):
+            raise BusyError(f"{run.name}: running on another machine")
+        found = next_action(run, lock_is_ours=True)
+        if found.action is Action.CONFLICT:
+            raise ConfigurationError(refusal(run, found))
+        if found.action not in (Action.SKIP, Action.DIVERGED):
+            directory.remove_leftovers()
+            directory.reserve()
+            # replaced as a whole: a torn one would look like another machine's
+            replace_file(directory.state / "owner", machine.boot_token().encode())
+            prepare(run, directory, found)
+        yield directory, found
+    finally:
+        lock.release()
+
+
+def refusal(run: Run, found: NextAction) -> str:
+    """Why a run is refused and what to do."""
+    return (
+        f"{run.name}: {found.reason} Choose another place (study=..., or label=... for a variant), "
+        "or on_conflict=replace to delete the old run."
+    )
+
+
+def wait_for_silence(directory: RunDirectory, sleep: Callable[[float], None] = time.sleep) -> bool:
+    """With the lock held: wait until another machine's sign of life is old (True) or has moved (False: it lives)."""
+    first = current = directory.read_manifest()
+    while alive_elsewhere(directory.path, current):
+        if current is not None and first is not None and current.updated != first.updated:
+            return False
+        sleep(5.0)
+        current = directory.read_manifest()
+    return True
+
+
+def prepare(run: Run, directory: RunDirectory, found: NextAction) -> None:
+    """Write ``config.yaml`` where the run is new, and a manifest that says ``running``."""
+    config = run.config
+    commit, dirty = machine.commit()
+    fresh = Manifest(
+        algo=config.algo.name,
+        env=config.env.name,
+        actor=config.actor.name,
+        label=run.label,
+        encoder=config.encoder.coding,
+        seed=config.seed,
+        study=config.study,
+        changed_keys=dict(run.changed_keys),
+        hashed_keys=sorted(run.hashed),
+        configuration_hash=run.configuration_hash,
+        cell_hash=run.cell_hash,
+        engine=ENGINE,
+        total_steps=config.protocol.total_steps,
+        threads=config.threads,
+        device=config.device,
+        started=now(),
+        versions=machine.versions(),
+        commit=commit,
+        dirty=dirty,
+        processor=machine.processor(),
+    )
+    if found.action in (Action.RUN, Action.REPLACE):
+        _clear(directory)
+        directory.write_config(run)
+        directory.write_manifest(fresh)
+    else:
+        directory.write_manifest(_resumed(directory, fresh, found))
+
+
+def _resumed(directory: RunDirectory, fresh: Manifest, found: NextAction) -> Manifest:
+    old = directory.manifest
+    notes = [f"extended from {old.step} to {fresh.total_steps} steps"] if found.action is Action.EXTEND else []
+    for key in ("processor", "commit"):
+        before = getattr(old, key)
+        after = getattr(fresh, key)
+        if before != after:
+            notes.append(f"resumed at about step {old.step} with another {key}: {before} -> {after}")
+    # a package that an older manifest did not list is not news
+    listed = {name: version for name, version in fresh.versions.items() if name in old.versions}
+    if changes := differences(old.versions, listed):
+        packages = ", ".join(f"{each.key} {each.old} -> {each.new}" for each in changes)
+        notes.append(f"resumed at about step {old.step} with other versions: {packages}")
+    for note in notes:
+        directory.log.warning(note)
+    return dataclasses.replace(
+        fresh,
+        step=old.step,
+        checkpoint_step=old.checkpoint_step,
+        observation_size=old.observation_size,
+        action_size=old.action_size,
+        parameters=old.parameters,
+        blas=old.blas,
+        started=old.started,
+        wall_time_seconds=old.wall_time_seconds,
+        times_resumed=old.times_resumed + 1,
+        notes=old.notes + notes,
+    )
+
+
+def _clear(directory: RunDirectory) -> None:
+    """Delete what an old run has left, but for the lock that we hold and the log that we may be writing."""
+    for name in FILES:
+        (directory.path / name).unlink(missing_ok=True)
+    for entry in directory.state.iterdir():
+        if entry.name in ("lock", "owner", "log.txt", RESERVE_FILE):
+            continue
+        if entry.is_dir() and not entry.is_symlink():
+            shutil.rmtree(entry)
+        else:
+            entry.unlink()
+
+
+def record_failure(directory: RunDirectory, kind: str, message: str, step: int, wall_time_seconds: float) -> None:
+    """Set the manifest to ``failed``."""
+    directory.update_manifest(
+        status=RunState.FAILED,
+        finished=now(),
+        step=step,
+        wall_time_seconds=wall_time_seconds,
+        failure=Failure(kind, message, step),
+    )
+
+
+def record_death(run: Run, killed: str, unfinished: Sequence[RunState] = (RunState.RUNNING,)) -> None:
+    """Write into the manifest what a dead process could not: it failed.
+
+    Args:
+        run: whose process it was.
+        killed: what is known of its death.
+        unfinished: the manifest's states that this death puts right.
+    """
+    with _of_a_dead_process(run, killed) as directory:
+        if directory is None:
+            return
+        manifest = directory.read_manifest()
+        if manifest is None:
+            prepare(run, directory, NextAction(Action.RUN))
+        elif manifest.status not in unfinished:
+            return
+        last = directory.manifest
+        record_failure(directory, killed.partition(" (")[0], killed, last.step, last.wall_time_seconds)
+
+
+def record_interruption(run: Run, word: str) -> None:
+    """Write ``interrupted`` into a manifest that a dead process has left at ``running``."""
+    if not run.path.exists():
+        return
+    with _of_a_dead_process(run, word) as directory:
+        manifest = directory.read_manifest() if directory else None
+        if directory and manifest and manifest.status == RunState.RUNNING:
+            directory.update_manifest(status=RunState.INTERRUPTED)
+
+
+@contextmanager
+def _of_a_dead_process(run: Run, word: str) -> Iterator[RunDirectory | None]:
+    """The run directory under our lock; None where somebody else has acquired it meanwhile."""
+    lock = lock_of(run.path)
+    try:
+        lock.acquire()
+    except Timeout:
+        yield None
+        return
+    try:
+        yield RunDirectory(run.path)
+    except (OSError, ManifestError) as error:
+        print(f"{run.name}: {word}; that could not be recorded: {error}", file=sys.stderr)
+    finally:
+        lock.release()

@@ -1,1 +1,0 @@
-"""Running cells as jobs of a Slurm cluster, through submitit. Nothing here is imported unless Slurm is asked for."""

@@ -1,0 +1,153 @@
+"""One decision of an actor, layer by layer: what every layer's synapses receive and every neuron gives.
+
+Written on the plain PyTorch functions of :mod:`src.actors`; whatever here counts, draws, disturbs or exports an actor's
+insides looks at them through this module.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import NamedTuple
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from src.actors.actor import Actor
+from src.actors.mlp_actor import MLPActor
+from src.actors.spiking_actor import SpikingActor
+
+
+class Connections(NamedTuple):
+    """One call of a connection layer.
+
+    ``inputs`` is what its synapses receive, ``[S, B, inputs]`` over S steps, ``weight`` is ``[outputs, inputs]``. A
+    lateral layer has ``offsets``: its weight ``[K, n]`` belongs to the neighbours at these index distances. The
+    decoder's weight ``[M, P]`` is ``grouped``: every input has one synapse.
+    """
+
+    name: str
+    inputs: Tensor
+    weight: Tensor
+    offsets: tuple[int, ...] = ()
+    grouped: bool = False
+
+
+class Neurons(NamedTuple):
+    """One layer of neurons: activations ``[S, B, n]`` and, of spiking ones, potentials before the reset."""
+
+    name: str
+    activations: Tensor
+    potentials: Tensor | None = None
+
+
+class Trace(NamedTuple):
+    """One pass; ``neurons`` are the hidden layers and the output population, in the order of the data."""
+
+    raw: Tensor  # [B, M], before squashing
+    connections: list[Connections]
+    neurons: list[Neurons]
+
+
+class NotTraceable(ValueError):
+    """Nothing is known of this actor's insides; the message says why."""
+
+
+def is_spiking(actor: Actor) -> bool:
+    """Whether it computes what :class:`SpikingActor` does (a subclass with a ``forward`` of its own does not)."""
+    return isinstance(actor, SpikingActor) and type(actor).forward is SpikingActor.forward
+
+
+def is_perceptron(actor: Actor) -> bool:
+    """Whether it computes what :class:`MLPActor` does."""
+    return isinstance(actor, MLPActor) and type(actor).forward is MLPActor.forward
+
+
+@torch.no_grad()
+def trace(actor: Actor, observation: Tensor, generator: torch.Generator | None = None) -> Trace:
+    """The actor's pass on normalised observations ``[B, N]``, everything kept.
+
+    Of an actor that this project does not know, its ``nn.Linear`` layers are seen, and as neurons what reaches all of
+    them but the first.
+
+    Raises:
+        NotTraceable: such an actor calls no ``nn.Linear`` layer.
+    """
+    if is_spiking(actor):
+        assert isinstance(actor, SpikingActor)
+        return _spiking(actor, observation, generator)
+    if is_perceptron(actor):
+        assert isinstance(actor, MLPActor)
+        return _perceptron(actor, observation)
+    return _unknown(actor, observation, generator)
+
+
+def linear_layers(actor: MLPActor) -> list[tuple[Tensor, Tensor]]:
+    """Weight ``[outputs, inputs]`` and bias ``[outputs]`` of each layer, input first; views of the parameters."""
+    parameters = [
+        (weight[0].T, bias[0, 0])
+        for part in (actor.hidden, actor.output)
+        for weight, bias in zip(part.weights, part.biases, strict=True)
+    ]
+    return parameters
+
+
+def _spiking(actor: SpikingActor, observation: Tensor, generator: torch.Generator | None) -> Trace:
+    spikes = actor.encoder(observation, generator)
+    connections, neurons = [], []
+    for number, layer in enumerate(actor.spiking_layers(), start=1):
+        name = f"layer{number}"
+        fired, potentials = layer(spikes)
+        connections.append(Connections(name, spikes, layer.synapse.weight))
+        if layer.lateral is not None:
+            before = torch.cat([torch.zeros_like(fired[:1]), fired[:-1]])
+            connections.append(Connections(f"{name}.lateral", before, layer.lateral(), layer.lateral.offsets))
+        neurons.append(Neurons(name, fired, potentials))
+        spikes = fired
+    rates = spikes.mean(0, keepdim=True)
+    connections.append(Connections("decoder", rates, actor.decoder.weight, grouped=True))
+    return Trace(actor.decoder(spikes), connections, neurons)
+
+
+def _perceptron(actor: MLPActor, observation: Tensor) -> Trace:
+    layers = linear_layers(actor)
+    connections, neurons = [], []
+    x = observation.unsqueeze(0)
+    for number, (weight, bias) in enumerate(layers, start=1):
+        last = number == len(layers)
+        name = "output" if last else f"layer{number}"
+        connections.append(Connections(name, x, weight))
+        x = F.linear(x, weight, bias)
+        if not last:
+            x = torch.relu(x)
+            neurons.append(Neurons(name, x))
+    return Trace(x[0], connections, neurons)
+
+
+def _unknown(actor: Actor, observation: Tensor, generator: torch.Generator | None) -> Trace:
+    with _linear_calls(actor) as connections:
+        raw = actor(observation, generator)
+    if not connections:
+        raise NotTraceable(f"{type(actor).__name__} calls no nn.Linear layer, so nothing of it could be counted")
+    first = connections[0].name
+    return Trace(raw, connections, [Neurons(c.name, c.inputs) for c in connections if c.name != first])
+
+
+@contextmanager
+def _linear_calls(actor: Actor) -> Iterator[list[Connections]]:
+    """Within, every call of an ``nn.Linear`` of the actor is appended to the list."""
+    calls: list[Connections] = []
+    handles = []
+    for name, module in actor.named_modules():
+        if isinstance(module, nn.Linear):
+
+            def note(module: nn.Linear, inputs: tuple[Tensor, ...], _: Tensor, name: str = name) -> None:
+                calls.append(Connections(name, inputs[0].reshape(1, -1, module.in_features), module.weight))
+
+            handles.append(module.register_forward_hook(note))
+    try:
+        yield calls
+    finally:
+        for handle in handles:
+            handle.remove()

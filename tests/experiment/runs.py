@@ -1,0 +1,35 @@
+"""Runs composed by Hydra from the real conf/, in this process, as the command line composes them."""
+
+import dataclasses
+from functools import cache
+from pathlib import Path
+
+from hydra import compose, initialize_config_dir
+
+from src.experiment.compose import compose_run
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@cache
+def composed(*overrides):
+    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
+        return compose("config", list(overrides))
+
+
+@cache
+def run_of(*overrides):
+    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
+        return compose_run(compose("config", list(overrides), return_hydra_config=True))
+
+
+def smoke(results, *overrides):
+    """A run of 2,000 steps in ``results``."""
+    named = dict(each.split("=") for each in overrides if each.startswith("on_conflict="))
+    run = run_of("protocol=smoke", *(each for each in overrides if not each.startswith("on_conflict=")))
+    return changed(run, results_dir=str(results), **named)
+
+
+def changed(run, **keys):
+    """The same run with other keys of its configuration's top level."""
+    return dataclasses.replace(run, config=dataclasses.replace(run.config, **keys))
