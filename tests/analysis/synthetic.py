@@ -12,6 +12,10 @@ from typing import Any
 import numpy as np
 import yaml
 
+from src.config import to_dict
+from src.config.validation import parse
+from tests.helpers import plain_config
+
 CONF = Path(__file__).resolve().parents[2] / "conf"
 SIZES = {"hopper": (11, 3), "walker2d": (17, 6), "halfcheetah": (17, 6), "ant": (111, 8)}
 LEVELS = {"hopper": 3000.0, "walker2d": 3500.0, "halfcheetah": 9000.0, "ant": 4000.0}
@@ -24,42 +28,15 @@ def configuration(
     """A resolved configuration as ``config.yaml`` holds it, from the project's own ``conf``; ``changes`` by dotted
     key.
     """
-    parts = {
-        group: yaml.safe_load((CONF / group / f"{name}.yaml").read_text())
-        for group, name in (
-            ("algo", algo),
-            ("actor", actor),
-            ("env", env),
-            ("encoder", "task"),
-            ("protocol", "short"),
-            ("logger", "none"),
-        )
-    }
-    parts["algo"]["actor_learning_rate"] = parts["actor"]["learning_rate"]
-    if "log_std_network" in parts["algo"]:
-        parts["algo"]["log_std_network"] = parts["actor"]["log_std_network"]
-    parts["encoder"]["coding"] = "none" if actor == "aan" else parts["env"]["spike_coding"]
-    parts["protocol"] |= {"total_steps": total_steps, "evaluation_interval": interval, "evaluation_episodes": 2}
-    config = parts | {
-        "normalize_observations": True,
-        "normalization_clip": 3.0,
-        "seed": seed,
-        "threads": 1,
-        "device": "cpu",
-        "study": "x",
-        "label": None,
-        "results_dir": "results",
-        "on_conflict": "refuse",
-        "keep_replay": False,
-        "dry_run": False,
-        "sweeps": None,
-    }
+    protocol = {"total_steps": total_steps, "evaluation_interval": interval, "evaluation_episodes": 2}
+    overrides = {f"protocol.{key}": value for key, value in protocol.items()} | {"seed": seed, "study": "x"}
+    config = to_dict(parse(plain_config(overrides, algo=algo, env=env, actor=actor, protocol="short")))
     for key, value in changes.items():
-        place, *rest = key.split(".")
+        *parents, last = key.split(".")
         node = config
-        for part in [place, *rest][:-1]:
-            node = node[part]
-        node[key.split(".")[-1]] = value
+        for parent in parents:
+            node = node[parent]
+        node[last] = value
     return config
 
 
