@@ -11,9 +11,8 @@ from analysis.claims_file import Claims
 from analysis.data.cells import Cell, select
 from analysis.data.mixed import Refused
 from analysis.data.names import actor_name, algorithm_name, ordered_arms, ordered_tasks, task_name
-from analysis.tables import Column, Table, spread, text
+from analysis.tables import NO_RUN, Column, Table, spread, text
 
-NO_RUN = "no run"
 REFUSED = "refused"
 
 
