@@ -14,7 +14,7 @@ from analysis.__main__ import main
 from analysis.data.cells import cells_of
 from analysis.data.collected import collect, load
 from analysis.data.study import read_study
-from tests.analysis.synthetic import write_run
+from benchmarks.synthetic import write_run
 
 LETTERS = "abcdefghi"
 BOMB = "a: &a [x,x,x,x,x,x,x,x,x]\n" + "".join(

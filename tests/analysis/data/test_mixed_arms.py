@@ -8,7 +8,7 @@ import pytest
 from analysis.__main__ import main
 from analysis.data.collected import collect, load
 from analysis.data.study import read_study
-from tests.analysis.synthetic import configuration, write_run
+from benchmarks.synthetic import configuration, write_run
 
 
 @pytest.mark.parametrize("seed", [0, 1], ids=["same-seed", "disjoint-seeds"])
