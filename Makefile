@@ -31,13 +31,13 @@ demo: setup ## train a small real grid (12 runs of 3,000 steps), write the repor
 	$(BIN)/python -m analysis report results/demo
 
 test: setup ## the tests (under 12 minutes on 2 cores)
-	$(BIN)/python -m pytest -m "not long and not slurm and not browser"
+	$(BIN)/python -m pytest -m "not long and not slurm and not browser and not latex"
 
 test-long: setup ## the long tests: kills and resumes by the dozen
 	$(BIN)/python -m pytest -m long
 
-test-browser: setup ## the report in headless Chromium (install Debian's chromium first)
-	$(BIN)/python -m pytest -m browser
+test-browser: setup ## the report in headless Chromium and its article in LaTeX (Debian: chromium, texlive-latex-recommended, texlive-fonts-recommended)
+	$(BIN)/python -m pytest -m "browser or latex"
 
 test-slurm: setup ## a real one-node Slurm from Debian's packages (root: installs slurm-wlm and munge where missing)
 	command -v sbatch >/dev/null && command -v munged >/dev/null || apt-get install -y --no-install-recommends slurm-wlm munge
@@ -54,7 +54,7 @@ check: setup ## ruff and mypy
 	$(BIN)/mypy
 
 test-fast: setup ## the tests but those that train in processes of their own
-	$(BIN)/python -m pytest -m "not long and not slurm and not browser" --ignore=tests/end_to_end
+	$(BIN)/python -m pytest -m "not long and not slurm and not browser and not latex" --ignore=tests/end_to_end
 
 clean: ## remove caches (never results)
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis build *.egg-info

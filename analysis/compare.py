@@ -35,6 +35,9 @@ class Side:
     def cells(self, algo: str | None) -> list[Cell]:
         """The cells of this side; refuses a label or an algorithm that the study does not have."""
         every, wanted = cells_of(self.study), self.algo or algo
+        for cell in self.study.refused:
+            if self.label == cell.arm and wanted in (None, cell.algo):
+                raise InputError(f"{cell.algo}/{cell.env}/{cell.arm} of {self.study.name} is refused: {cell.reason}")
         here = [cell for cell in every if wanted in (None, cell.algo)]
         if not here:
             has = ", ".join(dict.fromkeys(cell.algo for cell in every)) or "no runs"

@@ -11,8 +11,14 @@ from analysis.data.study import Study
 
 
 def first_notes(study: Study, cells: list[Cell]) -> list[str]:
-    """Learning rates, evaluation noise, runs that diverged or are missing at the end: one sentence each."""
+    """Refused cells, learning rates, evaluation noise, diverged runs: one sentence each."""
     found = []
+    if study.refused:
+        shown = [
+            f"{actor_name(cell.arm)} on {task_name(cell.env)} with {algorithm_name(cell.algo)}"
+            for cell in study.refused
+        ]
+        found.append(f"Refused, because they mix configurations (the notes name the keys): {', '.join(shown)}.")
     for algo in dict.fromkeys(cell.algo for cell in cells):
         here = select(cells, algo)
         found += [sentence for sentence in (_learning_rates(study, here), _noise(here), _diverged(here)) if sentence]

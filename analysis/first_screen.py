@@ -49,16 +49,17 @@ def _forests(judgement: Judgement, algo: str, title: str, several: bool) -> list
     rows, name = rows_of(judgement, algo), f"{title}, {algorithm_name(algo)}" if several else title
     automatic = [row for row in rows if row.family == Family.EXPLORATORY]
     stated = [row for row in rows if row.family != Family.EXPLORATORY]
-    shown = [_forest(judgement, algo, name, stated, False)] if stated or not automatic else []
+    shown = [_forest(judgement, algo, name, stated, False)] if _measured(stated) or not automatic else []
     if automatic:
         words = f"Exploratory comparisons with the baselines{f', {algorithm_name(algo)}' if several else ''}"
-        shown.append(_forest(judgement, algo, words, automatic, bool(stated) and len(automatic) > MOST_ROWS))
+        shown.append(_forest(judgement, algo, words, automatic, bool(_measured(stated)) and len(automatic) > MOST_ROWS))
     return shown
 
 
 def _forest(judgement: Judgement, algo: str, title: str, rows: list[ForestRow], folded: bool) -> dict[str, Any]:
     band = judgement.rule.smallest_effect
-    measured = [row for row in rows if not math.isnan(row.estimate)]
+    measured = _measured(rows)
+    untested = [row.label for row in rows if row.pooled and math.isnan(row.estimate)]
     low, high = limits(measured, band)
 
     def at(value: float) -> float:
@@ -79,11 +80,15 @@ def _forest(judgement: Judgement, algo: str, title: str, rows: list[ForestRow], 
         "high": f"{high:,.0f}",
         "zero": at(0.0),
         "band": [at(-band), round(at(band) - at(-band), 1)],
-        "rows": [_row(row, at) for row in rows if measured],
-        "caption": caption,
+        "rows": [_row(row, at) for row in measured],
+        "caption": caption + (f" Without comparable finished runs: {'; '.join(untested)}." if untested else ""),
         "files": [f"forest-{algo}.{kind}" for kind in ("pdf", "png", "csv")] if measured else [],
         "missing": "No claim has finished runs of all its actors on any task.",
     }
+
+
+def _measured(rows: list[ForestRow]) -> list[ForestRow]:
+    return [row for row in rows if not math.isnan(row.estimate)]
 
 
 def _row(row: ForestRow, at: Any) -> dict[str, Any]:

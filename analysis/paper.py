@@ -48,7 +48,7 @@ def build_paper(
                 for drawing in draw(view):
                     if drawing.figure is not None:
                         width = float(drawing.figure.get_figwidth())
-                        drawing.save(out, ("pdf",))
+                        drawing.save(out, alone=True)
                         blocks.append(_figure(drawing, width > style.narrow + 0.01))
         for name in TABLES:
             if name in tables and tables[name].rows():
@@ -79,4 +79,5 @@ def _article(study: str, blocks: list[str], style: Style) -> str:
         [*blocks[:1], *(f"\\clearpage\n{block}" if k % 12 == 0 else block for k, block in enumerate(blocks[1:], 1))]
     )
     title = f"\\title{{Study {escape_latex(study)}}}\n\\date{{}}\n"
-    return f"{_PREAMBLE}{fonts}{title}\\begin{{document}}\n\\maketitle\n{body}\n\\end{{document}}\n"
+    words = "Figures and tables of this study, each to be included as it is."
+    return f"{_PREAMBLE}{fonts}{title}\\begin{{document}}\n\\maketitle\n{words}\n\n{body}\n\\end{{document}}\n"

@@ -172,6 +172,7 @@ def legend_below(figure: Figure, axes: list[Axes], columns: int = 3) -> None:
     if entries:
         widest = 0.75 + 0.068 * max(map(len, entries))  # inches: the line, and 8-point letters
         columns = max(1, min(columns, int(figure.get_figwidth() / widest)))
+        figure.set_figheight(figure.get_figheight() + 0.15 * (-(-len(entries) // columns) - 2))
         figure.legend(
             entries.values(),
             entries.keys(),

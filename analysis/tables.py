@@ -47,6 +47,10 @@ _COLUMN_CHARACTERS = 52
 #: Longer texts are set as paragraphs of this many inches.
 _PARAGRAPH, _INCHES = 34, 1.7
 CAPTION_WORDS = 60
+#: Where a label has no run on a task.
+NO_RUN = "no run"
+#: A row of a paper's table that holds nothing else is left out.
+_NOTHING = ("", "–", "0", NO_RUN)
 
 
 #: Key of the frame, header, how to print a value.
@@ -124,10 +128,14 @@ class Table:
     def latex(self, brief: bool = False) -> str:
         r"""A ``table`` or, where a column is too narrow for it, a ``table*`` with booktabs rules.
 
-        ``brief``: only the columns of ``paper``, what is constant left out, the caption under 60 words.
+        ``brief``, for an article: only the columns of ``paper``, without rows that say nothing and names that all rows
+        share; the caption under 60 words.
         """
         frame: Any = pd.DataFrame(self.rows(), columns=range(len(self.columns)), dtype=object)
         kept = self._kept(frame) if brief else list(frame.columns)
+        if brief:
+            numbers = [k for k in kept if self.numeric()[k]]
+            frame = frame[~frame[numbers].isin(_NOTHING).all(axis=1)].replace(NO_RUN, "–")
         frame, headers, numeric = frame[kept], self.headers(), self.numeric()
         widths = {k: max([len(headers[k]), *frame[k].map(len)]) for k in kept}
         align = {k: "r" if numeric[k] else f"p{{{_INCHES}in}}" if widths[k] > _PARAGRAPH else "l" for k in kept}
@@ -140,7 +148,9 @@ class Table:
                 bold.loc[row, column] = "font-weight: bold"
         style = style.apply(lambda _: bold, axis=None)
         body = style.to_latex(hrules=True, column_format="".join(align.values()), convert_css=True)
-        caption = short_caption(f"{self.title}. {self.caption}") if brief else f"{self.title}. {self.caption}"
+        repeated = self.caption.startswith(self.title)
+        caption = self.caption if repeated else f"{self.title}. {self.caption}"
+        caption = short_caption(caption) if brief else caption
         kind = "table*" if wide else "table"
         lines = [
             f"\\begin{{{kind}}}",

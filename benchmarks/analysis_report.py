@@ -48,7 +48,7 @@ def main() -> int:
     parser.add_argument("--stages", action="store_true", help="time the stages one by one as well")
     options = parser.parse_args()
     sys.path.insert(0, str(ROOT))
-    from tests.analysis.synthetic import SIZES, write_grid
+    from benchmarks.synthetic import SIZES, write_grid
 
     with tempfile.TemporaryDirectory() as folder:
         study = Path(folder) / "synthetic"

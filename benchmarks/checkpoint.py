@@ -22,6 +22,7 @@ import torch
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
+from benchmarks.configuration import compose  # noqa: E402
 from src.algorithms.learner import Minibatches  # noqa: E402
 from src.experiment.identity import Run  # noqa: E402
 from src.experiment.machine import processor  # noqa: E402
@@ -31,7 +32,6 @@ from src.training.collection import Transitions  # noqa: E402
 from src.training.numerics import set_numerics  # noqa: E402
 from src.training.replay import sample_minibatches  # noqa: E402
 from src.training.session import TrainingSession  # noqa: E402
-from tests.helpers import make_config  # noqa: E402
 
 
 def noise(rows: int, observation_size: int, action_size: int) -> Transitions:
@@ -58,7 +58,8 @@ def measure(folder: Path, rows: int, interval: int, repeats: int) -> None:
         "study": "benchmark",
         "label": "bptsan",
     }
-    config = make_config(overrides, env="ant", protocol="paper")
+    keys = [f"{key}={value}" for key, value in overrides.items()]
+    config = compose(*keys, env="ant", protocol="paper", logger="none")
     set_numerics(config.threads)
     with acquire(Run(config)) as (run, _):
         session = TrainingSession(config, run, PlainProgress(config.protocol.total_steps))

@@ -1,4 +1,4 @@
-"""Memory of a running process, from Linux's /proc: what is its own (anonymous) and what is a file's, mapped."""
+"""Memory of a running process, where Linux tells: what is its own (anonymous) and what is a file's, mapped."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import subprocess
 import time
 from pathlib import Path
 from typing import NamedTuple
+
+import psutil
 
 
 class Peak(NamedTuple):
@@ -23,9 +25,6 @@ class FailedError(Exception):
     """The watched command failed; the message is the end of its output."""
 
 
-_ROLLUP = Path("/proc/self/smaps_rollup")
-
-
 def watch(command: list[str], cwd: Path, output: Path, replay: str, every: float = 0.5) -> Peak:
     """Run a command to its end and watch its memory.
 
@@ -39,7 +38,7 @@ def watch(command: list[str], cwd: Path, output: Path, replay: str, every: float
     Raises:
         FailedError: its exit code is not 0, or this machine does not tell.
     """
-    if not _ROLLUP.exists():
+    if not psutil.LINUX:
         raise FailedError("memory is watched in Linux's /proc, which this machine does not have")
     peak = dict.fromkeys(("anonymous", "file", "replay_resident", "replay_anonymous"), 0.0)
     with output.open("w") as file:
@@ -60,36 +59,15 @@ def watch(command: list[str], cwd: Path, output: Path, replay: str, every: float
 def look(process: int, replay: str) -> dict[str, float]:
     """Megabytes at this moment; nothing where the process has just ended."""
     try:
-        total = _fields((Path("/proc") / str(process) / "smaps_rollup").read_text())
-        mapping = _mapping((Path("/proc") / str(process) / "smaps").read_text(), replay)
-    except OSError:
+        maps = psutil.Process(process).memory_maps()
+    except (psutil.Error, OSError):
         return {}
-    anonymous = total.get("Anonymous", 0.0)
-    return {
+    anonymous = sum(each.anonymous for each in maps)
+    of_replay = [each for each in maps if Path(each.path).name == replay]
+    found = {
         "anonymous": anonymous,
-        "file": total.get("Rss", 0.0) - anonymous,
-        "replay_resident": mapping.get("Rss", 0.0),
-        "replay_anonymous": mapping.get("Anonymous", 0.0),
+        "file": sum(each.rss for each in maps) - anonymous,
+        "replay_resident": sum(each.rss for each in of_replay),
+        "replay_anonymous": sum(each.anonymous for each in of_replay),
     }
-
-
-def _fields(text: str) -> dict[str, float]:
-    """``Rss:  1740 kB`` lines as megabytes."""
-    found: dict[str, float] = {}
-    for line in text.splitlines():
-        parts = line.split()
-        if len(parts) == 3 and parts[2] == "kB":
-            name = parts[0].rstrip(":")
-            found[name] = found.get(name, 0.0) + int(parts[1]) * 1024 / 1e6
-    return found
-
-
-def _mapping(smaps: str, name: str) -> dict[str, float]:
-    """The fields of the mappings of one file."""
-    kept, inside = [], False
-    for line in smaps.splitlines():
-        if not line.split(" ", 1)[0].endswith(":"):  # a header: addresses, permissions, ..., path
-            inside = line.endswith(f"/{name}")
-        elif inside:
-            kept.append(line)
-    return _fields("\n".join(kept))
+    return {name: size / 1e6 for name, size in found.items()}

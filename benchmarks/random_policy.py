@@ -1,12 +1,10 @@
 """Measure the uniformly random policy: the zero of every normalised score.
 
-    python benchmarks/random_policy.py            # 100 episodes a task, about a minute; prints YAML
+    python -m benchmarks.random_policy            # 100 episodes a task, about a minute; prints YAML
 
 Actions are uniform in the action box, episodes end at termination or after ``max_episode_steps``; the environment
-and the
-actions are seeded with 0, so the same Gymnasium and MuJoCo give the same numbers. The values stand, with their n and
-standard
-deviation, in ``analysis/reference_scores.yaml``. Tasks and their options are read from ``conf/env``.
+and the actions are seeded with 0, so the same Gymnasium and MuJoCo give the same numbers. The values stand, with their
+n and standard deviation, in ``analysis/reference_scores.yaml``. Tasks and their options are those of ``conf/env``.
 """
 
 from __future__ import annotations
@@ -15,18 +13,20 @@ import argparse
 import sys
 import warnings
 from pathlib import Path
-from typing import Any
 
 import gymnasium
 import numpy as np
 import yaml
 
+from benchmarks.configuration import compose
+from src.config import EnvConfig
+
 CONF = Path(__file__).resolve().parents[1] / "conf" / "env"
 
 
-def returns_of(task: dict[str, Any], episodes: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+def returns_of(task: EnvConfig, episodes: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Returns and lengths of ``episodes`` random episodes, each array ``[episodes]``."""
-    env = gymnasium.make(task["id"], max_episode_steps=task["max_episode_steps"], **task["kwargs"])
+    env = gymnasium.make(task.id, max_episode_steps=task.max_episode_steps, **task.kwargs)
     env.action_space.seed(seed)
     returns, lengths = np.zeros(episodes), np.zeros(episodes, dtype=int)
     env.reset(seed=seed)
@@ -52,9 +52,9 @@ def main() -> int:
     warnings.filterwarnings("ignore", message=".*out of date.*")
     measured = {}
     for path in sorted(CONF.glob("*.yaml")):
-        task = yaml.safe_load(path.read_text())
+        task = compose(env=path.stem).env
         returns, lengths = returns_of(task, options.episodes, options.seed)
-        measured[task["name"]] = {
+        measured[task.name] = {
             "mean": round(float(returns.mean()), 3),
             "std": round(float(returns.std(ddof=1)), 3),
             "n": options.episodes,

@@ -1,7 +1,8 @@
-"""Configurations and progress for tests, composed as the command line composes them."""
+"""Configurations and progress for tests. Every configuration of a test is composed by Hydra from ``conf/``."""
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 from pathlib import Path
 from typing import Any
@@ -9,30 +10,25 @@ from typing import Any
 from omegaconf import OmegaConf
 
 from src.config import ExperimentConfig, validate
+from src.experiment.compose import composed_from
 
-CONF = Path(__file__).resolve().parents[1] / "conf"
-GROUPS = {
-    "algo": "td3",
-    "env": "hopper",
-    "actor": "bptsan",
-    "encoder": "task",
-    "protocol": "smoke",
-    "logger": "none",
-}
+ROOT = Path(__file__).resolve().parents[1]
+CONF = ROOT / "conf"
+CHOICES = {"protocol": "smoke", "logger": "none"}
+
+
+def plain_config(overrides: dict[str, Any] | None = None, **choices: str) -> dict[str, Any]:
+    """A resolved configuration as plain containers: ``plain_config({"actor.time_steps": 1}, env="ant")``."""
+    base = copy.deepcopy(composed_from(*(f"{group}={name}" for group, name in (CHOICES | choices).items())))
+    for key, value in (overrides or {}).items():
+        OmegaConf.update(base, key, value, force_add=True)
+    plain: Any = OmegaConf.to_container(base, resolve=True)
+    return plain
 
 
 def make_config(overrides: dict[str, Any] | None = None, **choices: str) -> ExperimentConfig:
     """A validated configuration: ``make_config({"protocol.total_steps": 450}, actor="aan")``."""
-    base: Any = OmegaConf.load(CONF / "config.yaml")
-    base.pop("defaults")
-    base.pop("hydra")
-    base.update({"logger": None, "sweeps": None})
-    for group, default in GROUPS.items():
-        base[group] = OmegaConf.load(CONF / group / f"{choices.get(group, default)}.yaml")
-    for key, value in (overrides or {}).items():
-        OmegaConf.update(base, key, value)
-    plain: Any = OmegaConf.to_container(base, resolve=True)
-    return validate(plain)
+    return validate(plain_config(overrides, **choices))
 
 
 def tiny(results_dir: Path, overrides: dict[str, Any] | None = None, **choices: str) -> ExperimentConfig:

@@ -84,6 +84,8 @@ def _alone(run: Run) -> Judged:
         outcome = Outcome.UNFINISHED
         reached = f"its evaluations end at step {last:,} of {asked:,}" if last >= 0 else "it has no evaluation"
         warnings.append(f"its manifest says complete, but {reached}; it counts as unfinished")
+    elif outcome == Outcome.FINISHED and run.manifest.step not in (None, asked):
+        warnings.append(f"its manifest says complete at step {run.manifest.step:,} of {asked:,}")
     if outcome == Outcome.DIVERGED and last < 0:
         outcome = Outcome.UNFINISHED
         warnings.append(

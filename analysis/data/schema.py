@@ -13,10 +13,11 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from analysis.data.errors import UnreadableRunError
 
-#: The training code's own bound for seeds; numbers of steps share it (NumPy's int64).
+#: The training code's own bound for seeds, NumPy's int64.
 MOST = 2**63 - 1
 Count = Annotated[int, Field(ge=0, le=MOST)]
-Positive = Annotated[int, Field(ge=1, le=MOST)]
+#: Ten times a number of steps has to fit as well.
+Positive = Annotated[int, Field(ge=1, le=10**15)]
 #: A width of a layer or a number of spiking steps: what the table of operations multiplies.
 Size = Annotated[int, Field(ge=1, le=10**6)]
 Seconds = Annotated[float, Field(ge=0, le=1e12)]

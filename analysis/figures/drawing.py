@@ -48,19 +48,23 @@ class Drawing:
         # it becomes a file name, and may hold a key from a manifest
         self.name = re.sub(r"[^A-Za-z0-9_.=-]", "_", self.name)
 
-    def save(self, folder: Path, kinds: tuple[str, ...] = ("pdf", "png")) -> None:
-        """``<name>.pdf``, ``.png`` and ``.csv``, the CSV of exactly what is drawn; then close the figure."""
+    def save(self, folder: Path, alone: bool = False) -> None:
+        """``<name>.pdf``, ``.png`` and ``.csv``, the CSV of exactly what is drawn; then close the figure.
+
+        ``alone``: the PDF only.
+        """
         if self.figure is None or self.data is None:
             return
-        write_csv(folder / f"{self.name}.csv", self.data)
-        if self.curves is not None:
+        if not alone:
+            write_csv(folder / f"{self.name}.csv", self.data)
+        if self.curves is not None and not alone:
             write_text(folder / f"{self.name}.json", json.dumps(self.curves, separators=(",", ":"), allow_nan=False))
         if self.figure.get_layout_engine() is not None:
             self.figure.draw_without_rendering()  # lay out once, not once per format
             self.figure.set_layout_engine("none")
         # savefig puts back the layout engine that the settings name, and would lay out again
         with plt.rc_context({"figure.constrained_layout.use": False}):
-            for kind in kinds:
+            for kind in ("pdf",) if alone else ("pdf", "png"):
                 buffer = io.BytesIO()
                 self.figure.savefig(buffer, format=kind, metadata=_METADATA[kind])
                 write_bytes(folder / f"{self.name}.{kind}", buffer.getvalue())

@@ -13,6 +13,9 @@ from analysis.figures.view import View
 from analysis.forest_rows import ForestRow, limits, rows_of
 from analysis.style import panels
 
+#: More rows than this fill a page: then the claims stand without their tasks.
+MOST_ROWS = 45
+
 
 def draw(view: View) -> list[Drawing]:
     """``forest-<algo>``; its rows are those of the page's first screen."""
@@ -25,6 +28,8 @@ def draw(view: View) -> list[Drawing]:
         f"points. Right of zero: as claimed. {covers('pooled')}"
     )
     drawn = [row for row in rows if not np.isnan(row.estimate)]
+    if len(drawn) > MOST_ROWS:
+        drawn = [row for row in drawn if row.pooled]
     if not drawn:
         return [Drawing(name, title, caption, missing="No claim has finished runs of all its actors on any task.")]
     figure, (axis,) = panels(view.style, 1, width=6.4, height=0.45 + 0.19 * len(drawn))

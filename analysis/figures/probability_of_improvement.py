@@ -60,7 +60,7 @@ def draw(view: View) -> list[Drawing]:
     axis.set_yticks(range(len(pairs)), pairs)
     axis.set_ylim(len(pairs) - 0.5, -0.5)
     axis.grid(False, axis="y")
-    axis.set_xlabel("Probability of improvement")
+    axis.set_xlabel("P(improvement)")
     means = frame[frame["where"] == "mean"]
     shown = [f"{pair} {value:.2f}" for pair, value in zip(means["pair"], means["probability"])]
     alt = f"Mean probability of improvement: {', '.join(shown)}."

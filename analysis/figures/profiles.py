@@ -38,7 +38,7 @@ def draw(view: View) -> list[Drawing]:
         if min(map(len, scores[arm])) >= INTERVAL_SEEDS:
             low, high = bootstrap.profile_interval(scores[arm], thresholds)
             axis.fill_between(thresholds, low, high, color=style[arm].color, alpha=0.13, linewidth=0)
-        n = "/".join(str(len(values)) for values in scores[arm])
+        n = "/".join(dict.fromkeys(str(len(values)) for values in scores[arm]))
         axis.plot(
             thresholds, curve, color=style[arm].color, linestyle=style[arm].line, label=f"{actor_name(arm)} (n={n})"
         )

@@ -43,7 +43,7 @@ def draw(view: View) -> list[Drawing]:
         values, low, high = bootstrap.curve_interval(scores, bootstrap.iqm)
         if not enough:
             low = high = np.full(len(values), np.nan)
-        n = "/".join(str(cell.n) for cell in found)
+        n = "/".join(dict.fromkeys(str(cell.n) for cell in found))
         longest = max([longest, *(cell.training_steps for cell in found)])
         axis.fill_between(steps, low, high, color=style[arm].color, alpha=0.15, linewidth=0)
         axis.plot(steps, values, color=style[arm].color, linestyle=style[arm].line, label=f"{actor_name(arm)} (n={n})")

@@ -23,7 +23,7 @@ def tables_of(study: Study, cells: list[Cell], claims: Claims, judgement: Judgem
     """Every table, in the order of the report."""
     return [
         verdicts.claims_table(judgement, overview(study)["title"]),
-        main_table(cells, claims),
+        main_table(cells, study.refused, claims),
         verdicts.tasks_table(judgement),
         performance.final_table(cells),
         performance.maxima_table(cells),

@@ -108,4 +108,5 @@ def table(cells: list[Cell], claims: Claims) -> Table:
         frame,
         columns,
         "No finished run on a task with a reference score.",
+        paper=("Algorithm", "Actor", *(name for name, _ in METRICS.values())),
     )

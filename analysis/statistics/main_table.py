@@ -9,20 +9,23 @@ import pandas as pd
 
 from analysis.claims_file import Claims
 from analysis.data.cells import Cell, select
+from analysis.data.mixed import Refused
 from analysis.data.names import actor_name, algorithm_name, ordered_arms, ordered_tasks, task_name
-from analysis.tables import Column, Table, spread, text
+from analysis.tables import NO_RUN, Column, Table, spread, text
 
-NO_RUN = "no run"
+REFUSED = "refused"
 
 
-def main_table(cells: list[Cell], claims: Claims) -> Table:
+def main_table(cells: list[Cell], refused: list[Refused], claims: Claims) -> Table:
     """Mean ± standard deviation (n) of final performance; where no run counts yet, how far the runs are."""
-    tasks = ordered_tasks({cell.env for cell in cells})
+    every: list[Cell | Refused] = [*cells, *refused]
+    tasks = ordered_tasks({cell.env for cell in every})
     rows: list[dict[str, Any]] = []
-    for algo in dict.fromkeys(cell.algo for cell in cells):
-        for arm in ordered_arms({cell.arm for cell in select(cells, algo)}):
-            found = {cell.env: cell for cell in select(cells, algo, arm=arm)}
-            shown = {env: _shown(found[env]) if env in found else NO_RUN for env in tasks}
+    for algo in dict.fromkeys(cell.algo for cell in every):
+        for arm in ordered_arms({cell.arm for cell in every if cell.algo == algo}):
+            found = {cell.env: _shown(cell) for cell in select(cells, algo, arm=arm)}
+            found |= {cell.env: REFUSED for cell in refused if (cell.algo, cell.arm) == (algo, arm)}
+            shown = {env: found.get(env, NO_RUN) for env in tasks}
             rows.append(
                 {"algorithm": algorithm_name(algo), "actor": actor_name(arm), "algo": algo, "arm": arm, **shown}
             )
@@ -37,6 +40,8 @@ def main_table(cells: list[Cell], claims: Claims) -> Table:
         "Final performance: mean of a run's evaluations in the last 10% of its steps; ± one standard deviation over "
         f"seeds (ddof=1). n: finished runs, and diverged ones with their last value carried forward.{without}"
     )
+    if refused:
+        caption += " Refused: the cell mixes configurations; the notes say which."
     frame = pd.DataFrame(rows, columns=["algorithm", "actor", "algo", "arm", *tasks])
     best = frozenset(_best(cells, rows, tasks))
     return Table("main", "main", "Final performance", caption, frame, columns, "No runs yet.", best=best, stacked=True)

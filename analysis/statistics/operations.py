@@ -61,7 +61,10 @@ def operations_table(study: Study) -> Table:
         f"{PRICES[1].source}); last column: what a MAC must cost in ACs for the order of actor and AAN to turn. "
         "Exponentials of the encoder and random numbers are listed, not priced; memory traffic is not counted."
     )
-    return Table("operations", "health", "Operations and energy of one decision", caption, frame, columns, NOT_MEASURED)
+    joules = tuple(header for key, header, _ in columns if key.startswith("nanojoule"))
+    paper = ("Algorithm", "Task", "Actor", "MACs", "ACs", "Neuron updates", "Ops / AAN", "with updates", *joules)
+    title = "Operations and energy of one decision"
+    return Table("operations", "health", title, caption, frame, columns, NOT_MEASURED, paper=paper)
 
 
 def _frame(study: Study) -> pd.DataFrame:

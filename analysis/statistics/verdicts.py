@@ -52,7 +52,8 @@ def claims_table(judgement: Judgement, title: str) -> Table:
     if untested:
         caption += f" Not part of an effect: {wording.exclusions(untested)}."
     name, empty = "verdicts", "No runs, so no verdicts."
-    return Table(name, "verdicts", title, caption, frame, columns, empty)
+    paper = ("Algorithm", "Claim", "Effect, points [95%]", "n", "Verdict", "p (Holm)")
+    return Table(name, "verdicts", title, caption, frame, columns, empty, paper=paper)
 
 
 _CLAIM = (

@@ -104,6 +104,7 @@
     label.append(" single seeds");
     box.addEventListener("change", () => { state.seeds = box.checked; refresh(); });
     const panels = make("div", { class: "panels only-script" }, live);
+    panels.style.setProperty("--count", data.tasks.length);
     for (const task of data.tasks) panel(task, state, panels);
     refresh();
   }

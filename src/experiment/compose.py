@@ -6,6 +6,7 @@ import dataclasses
 from functools import cache
 from typing import Any
 
+from hydra import compose, initialize_config_dir
 from hydra.core.config_loader import ConfigLoader
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
@@ -18,11 +19,19 @@ from src.config import ConfigurationError, to_dict, validate
 from src.config.rules import inert_keys
 from src.config.validation import parse
 from src.experiment.identity import Run, flatten, variant_label
+from src.experiment.machine import ROOT
 
 #: Groups whose options make a method or a task; a run that changes one of their keys is a variant.
 _GROUPS = ("actor", "encoder", "algo", "env")
 _METHOD_KEYS = ("normalize_observations", "normalization_clip")
 _NOT_COMPARED = frozenset({"encoder.name", "encoder.coding"})  # the path shows the coding
+
+
+@cache
+def composed_from(*overrides: str) -> DictConfig:
+    """What Hydra composes from ``conf/`` for a command line, where no command runs: ``composed_from("env=ant")``."""
+    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
+        return compose("config", list(overrides))
 
 
 def compose_run(composed: DictConfig) -> Run:

@@ -4,7 +4,7 @@ import shutil
 
 import pytest
 
-from tests.analysis.synthetic import write_grid, write_run
+from benchmarks.synthetic import write_grid, write_run
 
 
 @pytest.fixture(scope="session")

@@ -5,7 +5,7 @@ import yaml
 
 from analysis.claims_file import FILE, Family, claims_path, read_claims
 from analysis.data.errors import InputError
-from tests.analysis.synthetic import LEVELS
+from benchmarks.synthetic import LEVELS
 
 GOOD = {
     "alpha": 0.05, "power": 0.8, "planned_seeds": 10, "interim_alpha": 0.001, "smallest_effect": 15,

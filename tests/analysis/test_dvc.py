@@ -6,7 +6,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.analysis.synthetic import write_run
+import yaml
+
+from benchmarks.synthetic import write_run
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -50,3 +52,13 @@ def test_repro_in_a_fresh_clone_then_nothing_then_a_new_run(tmp_path):
     write_run(clone / "results/s", actor="bptsan")
     assert "Running stage 'report@s'" in run("dvc", "repro", cwd=clone)
     assert "BPT-SAN" in (clone / "results/s/statistics/seeds.csv").read_text()
+
+
+def test_collect_needs_nothing_of_the_analysis_that_dvc_does_not_watch():
+    """Else a change there leaves ``collected/`` as it was, and the report shows what is no longer true."""
+    loaded = "import sys, analysis.data.collected; print(*(m for m in sys.modules if m.startswith('analysis')))"
+    modules = run(sys.executable, "-c", loaded, cwd=ROOT).split()
+    assert {"analysis.data.errors", "analysis.data.schema"} < set(modules)
+    assert all(name == "analysis" or name.startswith("analysis.data") for name in modules)
+    stages = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
+    assert "analysis/data" in stages["collect"]["do"]["deps"]

@@ -7,7 +7,7 @@ import pytest
 from analysis.data.collected import collect, load
 from analysis.energy import PRICES, turning_ratio
 from analysis.statistics.operations import NOT_MEASURED, operations_table
-from tests.analysis.synthetic import write_operations, write_run
+from benchmarks.synthetic import write_operations, write_run
 
 
 def table(study):

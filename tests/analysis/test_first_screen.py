@@ -5,7 +5,7 @@ import json
 from analysis.__main__ import main
 from analysis.data.study import read_study
 from analysis.overview import overview, protocol
-from tests.analysis.synthetic import configuration, write_grid, write_run
+from benchmarks.synthetic import configuration, write_grid, write_run
 
 
 def statistics(folder):
@@ -49,7 +49,7 @@ def test_the_protocol_file_is_what_conf_has():
     import yaml
 
     from analysis.data.flatten import flatten
-    from tests.analysis.synthetic import CONF
+    from benchmarks.synthetic import CONF
 
     paper = {f"protocol.{k}": v for k, v in yaml.safe_load((CONF / "protocol/paper.yaml").read_text()).items()}
     assert protocol()["steps"] == paper["protocol.total_steps"]

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from analysis.__main__ import main
-from tests.analysis.synthetic import write_run
+from benchmarks.synthetic import write_run
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -6,7 +6,7 @@ import pytest
 from analysis.data.cells import cells_of
 from analysis.data.study import read_study
 from analysis.references import Scale, normalised, references, scale
-from tests.analysis.synthetic import write_run
+from benchmarks.synthetic import write_run
 
 
 def test_random_policy_scores_zero_and_the_reference_hundred():

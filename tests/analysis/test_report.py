@@ -18,7 +18,7 @@ from analysis import metrics
 from analysis.__main__ import main
 from analysis.compare import compare, side
 from analysis.data.study import read_study
-from tests.analysis.synthetic import write_grid, write_run
+from benchmarks.synthetic import write_grid, write_run
 
 ROOT = Path(__file__).resolve().parents[2]
 

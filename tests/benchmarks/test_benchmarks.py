@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 import math
+import mmap
+import os
 import threading
 from collections.abc import Iterator
 from multiprocessing import Pipe
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 import torch
 
@@ -174,18 +177,20 @@ def test_sampling_copies_once(tmp_path: Path) -> None:
     assert memory.bytes_allocated_per_byte_sampled(tmp_path / "replay.bin", count=4) == pytest.approx(1.0, abs=0.01)
 
 
-def test_the_pages_of_one_file_are_found_among_the_mappings() -> None:
-    smaps = (
-        "7f00-7f10 rw-s 00000000 fe:00 12  /tmp/state/replay.bin\nRss:  2000 kB\nAnonymous:  0 kB\nVmFlags: rd wr\n"
-        "7f20-7f30 r-xp 00000000 fe:00 13  /usr/lib/libc.so.6\nRss:  5000 kB\n"
-        "7f40-7f50 rw-s 00000000 fe:00 12  /tmp/state/replay.bin\nRss:  1000 kB\n"
-    )
-    assert process_memory._mapping(smaps, "replay.bin") == pytest.approx({"Rss": 3.072, "Anonymous": 0.0})
+@pytest.mark.skipif(not psutil.LINUX, reason="only Linux tells")
+def test_the_pages_of_one_file_are_found_among_the_mappings(tmp_path: Path) -> None:
+    path = tmp_path / "replay.bin"
+    path.write_bytes(bytes(2**21))
+    with path.open("r+b") as file, mmap.mmap(file.fileno(), 0) as mapped:
+        assert mapped[::4096] == bytes(512)  # every page is read
+        found = process_memory.look(os.getpid(), "replay.bin")
+    assert found["replay_resident"] == pytest.approx(2**21 / 1e6) and found["replay_anonymous"] == 0.0
+    assert found["anonymous"] > 1.0 and found["file"] >= found["replay_resident"]
 
 
 def test_memory_on_a_machine_without_proc_is_a_sentence_not_zero(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(process_memory, "_ROLLUP", tmp_path / "none")
+    monkeypatch.setattr(process_memory.psutil, "LINUX", False)
     with pytest.raises(process_memory.FailedError, match="Linux"):
         process_memory.watch(["true"], tmp_path, tmp_path / "output", "replay.bin")

@@ -13,7 +13,7 @@ from tests.experiment.runs import ROOT, composed, run_of
 
 CONF = ROOT / "conf"
 OPTIONS = {
-    group: {path.stem: OmegaConf.load(path) for path in sorted((CONF / group).glob("*.yaml"))}
+    group: {path.stem: composed(f"{group}={path.stem}")[group] for path in sorted((CONF / group).glob("*.yaml"))}
     for group in ("algo", "actor", "encoder", "env", "protocol", "logger")
 }
 NAMES = {

@@ -14,11 +14,9 @@ from src.actors.actor import Actor
 class RaisingActor(Actor):
     """Linear; raises in its 150th call where the file ``flag.<seed>`` exists."""
 
-    def __init__(
-        self, observation_size: int, action_size: int, streams: Any, encoder: None, flag: str, seed: int
-    ) -> None:
+    def __init__(self, observation_size: int, action_size: int, streams: Any, encoder: None, flag: str) -> None:
         super().__init__()
-        self.flag = Path(f"{flag}.{seed}")
+        self.flag = Path(f"{flag}.{streams.seed}")
         self.calls = 0
         self.map = nn.Linear(observation_size, action_size)
         with torch.no_grad():

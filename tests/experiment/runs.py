@@ -2,24 +2,19 @@
 
 import dataclasses
 from functools import cache
-from pathlib import Path
 
 from hydra import compose, initialize_config_dir
 
 from src.experiment.compose import compose_run
+from src.experiment.compose import composed_from as composed
+from tests.helpers import CONF, ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
-
-
-@cache
-def composed(*overrides):
-    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
-        return compose("config", list(overrides))
+__all__ = ["ROOT", "changed", "composed", "run_of", "smoke"]
 
 
 @cache
 def run_of(*overrides):
-    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
+    with initialize_config_dir(str(CONF), version_base="1.3"):
         return compose_run(compose("config", list(overrides), return_hydra_config=True))
 
 

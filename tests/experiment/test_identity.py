@@ -99,3 +99,44 @@ nested = st.recursive(st.integers(), lambda inner: st.dictionaries(st.text("abc"
 @given(st.dictionaries(st.text("abc", min_size=1), nested), st.dictionaries(st.text("abc", min_size=1), nested))
 def test_flattening_keeps_different_things_different(one, other):
     assert (flatten(one) == flatten(other)) == (one == other)
+
+
+def test_a_key_added_later_enters_hash_and_comparison_only_where_it_departs(monkeypatch):
+    """Without this a new key with its default would make every finished run another configuration."""
+    run = run_of()
+    before = run.configuration_hash
+    content = to_dict(run.config)
+    monkeypatch.setattr("src.experiment.identity.ADDED_KEYS", {"new": ("auto", "fast"), "actor.newer": (False,)})
+    for values in ({"new": "auto"}, {"new": "fast"}):
+        added = {**content, **values, "actor": {**content["actor"], "newer": False}}
+        assert hashed_values(added) == hashed_values(content)
+        assert differences(hashed_values(content), hashed_values(added)) == []
+    departed = hashed_values({**content, "new": "plain"})
+    assert [str(each) for each in differences(hashed_values(content), departed)] == ["new: None -> plain"]
+    assert changed(run).configuration_hash == before
+
+
+def test_every_key_with_a_default_in_the_schema_is_out_of_the_hash_or_in_the_table():
+    """Such a key came later: configurations of before lack it, and must keep their hash."""
+    from dataclasses import MISSING, fields
+
+    from src.config import schema
+    from src.experiment.identity import _EXCLUDED, ADDED_KEYS
+
+    for group in ("", "algo", "env", "encoder", "protocol"):
+        classes = {"": ["Experiment"], "algo": ["TD3", "SAC"]}.get(group, [group.capitalize()])
+        for name in classes:
+            for each in fields(getattr(schema, f"{name}Config")):
+                key = f"{group}.{each.name}".lstrip(".")
+                if each.default is not MISSING or each.default_factory is not MISSING:
+                    assert key in _EXCLUDED or each.default in ADDED_KEYS[key], key
+
+
+def test_the_manifest_lists_the_keys_that_entered_the_hash(tmp_path):
+    from src.experiment.ownership import acquire
+    from tests.experiment.runs import smoke
+
+    with acquire(smoke(tmp_path)) as (directory, _):
+        listed = directory.read_manifest().hashed_keys
+    assert listed == sorted(hashed_values(directory.read_config()))
+    assert {"seed", "actor.lateral.radius"} <= set(listed) and not {"study", "blas", "logger.name"} & set(listed)

@@ -69,3 +69,69 @@ def test_a_name_borrowed_from_the_papers_actor_shows_what_differs():
 )
 def test_the_path_is_the_contracts(overrides, tail):
     assert str(run_of(*overrides).path).endswith(tail)
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        ("actor=aan", "encoder.population_size=20"),
+        ("actor=aan", "encoder.std=0.5", "encoder.learnable=false"),
+        ("encoder.threshold=0.9",),  # Hopper's coding is poisson
+        ("actor=aan", "actor.log_std_network=separate"),  # TD3 has no standard deviation
+        ("algo=sac", "actor=aan", "algo.log_std_learning_rate=1e-4"),  # the trunk's is the actor's
+        ("actor=popsan", "actor.mask_seed=7"),  # no dendrites
+        ("actor=popsan", "actor.lateral.init_scale=1.0"),  # no lateral interaction
+        ("normalize_observations=false", "normalization_clip=5.0"),
+    ],
+)
+def test_a_key_that_changes_nothing_makes_no_variant(overrides):
+    groups = {"actor=aan", "actor=popsan", "algo=sac", "normalize_observations=false"}
+    run = run_of(*overrides)
+    without = run_of(*(each for each in overrides if each in groups))
+    assert (run.label, run.changed_keys, run.configuration_hash) == (
+        without.label,
+        without.changed_keys,
+        without.configuration_hash,
+    )
+
+
+def test_the_same_key_makes_one_where_it_does_something():
+    assert run_of("env=ant", "encoder.threshold=0.9").label == "bptsan-encoder.threshold=0.9"
+    assert run_of("algo=sac", "actor=aan", "algo.log_std_network=separate").label != "aan"
+
+
+OPTIONS = {
+    "actor/mine.yaml": "defaults: [bptsan, _self_]\nname: mine\nlateral: {radius: 4}\n",
+    "actor/nameless.yaml": "defaults: [bptsan, _self_]\nlateral: {radius: 4}\n",
+    "env/mytask.yaml": "defaults: [ant, _self_]\nname: mytask\nmax_episode_steps: 500\n",
+    "encoder/wide.yaml": "defaults: [poisson, _self_]\npopulation_size: 20\n",
+}
+
+
+@pytest.fixture
+def options(tmp_path):
+    """Options of a user's own, on a search path of their own."""
+    for name, text in OPTIONS.items():
+        path = tmp_path / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text)
+    return f"hydra.searchpath=[file://{tmp_path}]"
+
+
+def test_an_actor_that_inherits_is_labelled_by_its_name(options):
+    run = run_of(options, "actor=mine")
+    assert (run.label, run.changed_keys) == ("mine", {})
+    assert run_of(options, "actor=mine", "actor.lateral.radius=2").label == "mine-lateral.radius=2"
+
+
+def test_one_that_keeps_the_name_of_the_papers_actor_does_not_pass_for_it(options):
+    assert run_of(options, "actor=nameless").label == "bptsan-lateral.radius=4"
+
+
+def test_a_task_that_inherits_makes_no_variant(options):
+    run = run_of(options, "env=mytask")
+    assert (run.label, run.path.parts[-4], run.config.env.kwargs) == ("bptsan", "mytask", {"use_contact_forces": True})
+
+
+def test_an_encoder_that_inherits_shows_what_it_changes(options):
+    assert run_of(options, "encoder=wide").label == "bptsan-encoder.population_size=20"

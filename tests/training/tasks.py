@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import torch
-import yaml
 
 from src.config import EnvConfig
 from src.training.collection import Transitions
+from tests.helpers import make_config
 
-ROOT = Path(__file__).parents[2]
 TASKS = ("hopper", "walker2d", "halfcheetah", "ant", "ant_zero_contact", "ant_no_contact")
 
 
 def task(name: str, **changes: Any) -> EnvConfig:
     """A task of conf/env; a short time limit brings every kind of episode end into a short test."""
-    return replace(EnvConfig(**yaml.safe_load((ROOT / "conf" / "env" / f"{name}.yaml").read_text())), **changes)
+    return replace(make_config(env=name).env, **changes)
 
 
 def random_policy(action_size: int, generator: torch.Generator, scale: float = 1.0) -> Any:

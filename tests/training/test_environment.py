@@ -15,7 +15,8 @@ from torchrl.envs.utils import check_env_specs
 
 from src.config import ConfigurationError, EnvConfig
 from src.training.environment import TrainingEnvironment, make_gym, sizes
-from tests.training.tasks import ROOT, TASKS, task
+from tests.helpers import ROOT
+from tests.training.tasks import TASKS, task
 
 SIZES = {
     "hopper": (11, 3),

@@ -14,7 +14,8 @@ import torch
 from src.streams import Streams
 from src.training.environment import make_gym
 from src.training.evaluation import Evaluator
-from tests.training.tasks import ROOT, task
+from tests.helpers import ROOT
+from tests.training.tasks import task
 
 
 def evaluator(name: str = "hopper", episodes: int = 4, seed: int = 0, limit: int = 80) -> Evaluator:

@@ -14,7 +14,7 @@ from torchrl.data.replay_buffers import ReplayBuffer
 from src.training.collection import Transitions
 from src.training.errors import CorruptState
 from src.training.replay import Replay, make_replay, sample_minibatches
-from tests.training.tasks import ROOT
+from tests.helpers import ROOT
 
 N, M = 5, 2
 

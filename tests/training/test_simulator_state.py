@@ -20,7 +20,8 @@ from src.training.collection import Transitions, make_collector, transitions
 from src.training.environment import TrainingEnvironment
 from src.training.errors import CorruptState
 from src.training.gym_task import make_gym
-from tests.training.tasks import ROOT, TASKS, assert_same, random_policy, task
+from tests.helpers import ROOT
+from tests.training.tasks import TASKS, assert_same, random_policy, task
 
 FRAMES, BATCHES, SAVE_AFTER = 50, 8, (1, 3, 6)
 HUMANOID = EnvConfig(

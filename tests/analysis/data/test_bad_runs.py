@@ -14,7 +14,7 @@ from analysis.__main__ import main
 from analysis.data.cells import cells_of
 from analysis.data.collected import collect, load
 from analysis.data.study import read_study
-from tests.analysis.synthetic import write_run
+from benchmarks.synthetic import write_run
 
 LETTERS = "abcdefghi"
 BOMB = "a: &a [x,x,x,x,x,x,x,x,x]\n" + "".join(
@@ -122,7 +122,14 @@ LEFT_OUT = {
     "no label": (without("label"), "manifest.json lacks label"),
     "no length": (without("total_steps"), "manifest.json lacks total_steps"),
     "a seed of 31 digits": (huge_seed, "seed = 1000000000000000000000000000000 (should be less"),
-    "more evaluations than memory": (manifest(total_steps=2**62), "4,611,686,018,427,387,904 steps"),
+    "more evaluations than memory": (manifest(total_steps=2**62), "total_steps = 4611686018427387904"),
+    "too many evaluations": (
+        lambda run: (
+            manifest(total_steps=10**12)(run),
+            config("evaluation_interval: 10000", "evaluation_interval: 1")(run),
+        ),
+        "1,000,000,000,000 steps and an evaluation every 1",
+    ),
     "versions in a list": (manifest(versions=["1"]), "versions = ['1']"),
     "half a letter": (lambda run: rewrite_label(run, "\\ud800"), "it is no JSON"),
 }
@@ -285,6 +292,12 @@ def test_an_evaluation_that_is_missing_or_not_due_is_noted(tmp_path):
         "1 of its 11 evaluations are missing (step 50,000).",
         "it was evaluated at 1 steps at which none is due (step 52,000).",
     ]
+
+
+def test_a_manifest_that_contradicts_itself_is_noted(tmp_path):
+    write_run(tmp_path / "s", manifest={"step": 5})
+    (note,) = read_study(tmp_path / "s").warnings
+    assert "says complete at step 5 of 100,000" in note
 
 
 def test_what_a_manifest_says_cannot_break_lines_or_steer_a_terminal(tmp_path):

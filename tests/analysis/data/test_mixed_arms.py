@@ -8,7 +8,7 @@ import pytest
 from analysis.__main__ import main
 from analysis.data.collected import collect, load
 from analysis.data.study import read_study
-from tests.analysis.synthetic import configuration, write_run
+from benchmarks.synthetic import configuration, write_run
 
 
 @pytest.mark.parametrize("seed", [0, 1], ids=["same-seed", "disjoint-seeds"])
@@ -23,7 +23,7 @@ def test_two_actors_under_one_label_in_different_encoder_folders_are_refused(tmp
     assert "actor.kind: mlp against spiking" in refused.reason and "more keys" in refused.reason
 
 
-def test_a_mixed_cell_is_refused_with_its_keys_and_all_others_stand(tmp_path):
+def test_a_mixed_cell_is_refused_with_its_keys_and_all_others_stand(tmp_path, capsys):
     write_run(tmp_path / "s")
     write_run(tmp_path / "s", seed=1, changes={"protocol.evaluation_interval": 100, "normalize_observations": False})
     write_run(tmp_path / "s", env="ant")
@@ -38,6 +38,9 @@ def test_a_mixed_cell_is_refused_with_its_keys_and_all_others_stand(tmp_path):
     assert study.warnings[0] == f"td3/hopper/bptsan was refused (seeds 0, 1): {refused.reason}"
     collect(tmp_path / "s")
     assert load(tmp_path / "s").refused == [refused]
+    capsys.readouterr()
+    assert main(["compare", "bptsan", "popsan", "--study", str(tmp_path / "s")]) == 2
+    assert "td3/hopper/bptsan of s is refused: runs/td3/hopper/bptsan/poisson mixes" in capsys.readouterr().err
 
 
 def test_the_report_shows_a_mixed_cell_as_refused_and_the_other_cells(tmp_path):
@@ -50,7 +53,8 @@ def test_the_report_shows_a_mixed_cell_as_refused_and_the_other_cells(tmp_path):
     assert "td3/hopper/bptsan was refused (seeds 0, 3)" in page and "actor.lateral.radius: 2 against 4" in page
     status = (tmp_path / "s/statistics/runs.csv").read_text()
     assert "td3,hopper,bptsan" in status and status.splitlines()[1].endswith('"0, 3"')
-    assert "1 more cell refused" in page
+    assert "1 more cell refused" in page and "| BPT-SAN | refused |" in page
+    assert "the notes name the keys): BPT-SAN on Hopper-v4 with TD3." in page
 
 
 def test_a_config_that_was_edited_after_the_run_is_noted_though_its_hash_is_equal(tmp_path):

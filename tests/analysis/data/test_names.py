@@ -2,7 +2,7 @@
 
 from analysis.data.names import LONGEST, actor_name, task_name
 from analysis.data.study import read_study
-from tests.analysis.synthetic import write_run
+from benchmarks.synthetic import write_run
 
 
 def test_long_names_are_shortened_and_stay_apart():

@@ -8,7 +8,7 @@ import pytest
 from analysis.data.cells import cells_of, select
 from analysis.data.errors import InputError
 from analysis.data.study import read_study
-from tests.analysis.synthetic import write_grid, write_run
+from benchmarks.synthetic import write_grid, write_run
 
 
 def rewrite(path, change):

@@ -3,7 +3,7 @@
 import numpy as np
 
 from analysis.data.study import read_study
-from tests.analysis.synthetic import write_grid, write_run
+from benchmarks.synthetic import write_grid, write_run
 
 
 def counted(study):

@@ -4,7 +4,7 @@ import pandas as pd
 import pytest
 
 from analysis.__main__ import main
-from tests.analysis.synthetic import write_run
+from benchmarks.synthetic import write_run
 
 
 def figures(study, by):

@@ -8,7 +8,7 @@ import pytest
 from analysis.__main__ import main
 from analysis.claims_file import read_claims
 from analysis.figures.facets import MOST, facets
-from tests.analysis.synthetic import write_run
+from benchmarks.synthetic import write_run
 
 
 @pytest.mark.parametrize("others", [1, 5, 6, 11, 30])

@@ -11,7 +11,7 @@ from analysis.claims_file import Family, read_claims
 from analysis.data.cells import cells_of
 from analysis.data.study import read_study
 from analysis.verdicts import Reason, Stage, Verdict, judge
-from tests.analysis.synthetic import SIZES, write_grid, write_run
+from benchmarks.synthetic import SIZES, write_grid, write_run
 
 CLAIMS = read_claims()
 #: Verdicts from five seeds on, as if five had been planned.
