@@ -13,8 +13,8 @@ from torch import Tensor, nn
 from src.actors.spike_coding import Coding, encode
 from src.config import EncoderConfig
 
-#: The largest exponent whose exponential is no normal float32 number (1.2e-38): such strengths are 0 in every
-#: precision, what they are wherever denormal numbers are flushed (:mod:`src.training.numerics`).
+#: The largest exponent whose exponential is no normal float32 number (1.2e-38). Such strengths are 0, in every
+#: precision: what they are wherever denormal numbers are flushed (:mod:`src.training.numerics`).
 LOWEST_EXPONENT = -87.33655
 
 

@@ -2,8 +2,8 @@
 
     z_m = sum over the inputs i on branch m of w_i o_i,   Inter = max over branches m of z_m + b
 
-Each synapse lies on exactly one of a neuron's d dendritic branches, so the weights are one dense matrix
-``[n, inputs]``, as many as of a linear layer (d = 1), and a branch index for each.
+Each synapse lies on exactly one of a neuron's d dendritic branches. So there are as many weights as of a linear layer
+(d = 1): a dense matrix ``[n, inputs]``, and the branch index of each.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""From a configuration to a learner: which algorithm has which parts, and which backend runs."""
+"""From a configuration to a learner: which algorithm has which parts, and which backend computes it."""
 
 from __future__ import annotations
 

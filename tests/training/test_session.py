@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -105,6 +106,18 @@ def test_a_resume_on_another_blas_is_noted_and_one_on_the_same_is_not(tmp_path: 
         (note,) = directory.manifest.notes
         assert "another BLAS" in note and "Z80" in note and note in progress.notes
         assert directory.manifest.blas == recorded
+
+
+@pytest.mark.parametrize("algo", ["td3", "sac"])
+def test_a_run_on_the_plain_backend_says_so_and_resumes_exactly(tmp_path: Path, algo: str) -> None:
+    """The optimizers' state of PyTorch goes through a checkpoint and back."""
+    config = replace(tiny(tmp_path / "whole", algo=algo, actor="bptsan"), backend="plain")
+    _, whole_path = run(config)
+    config = replace(config, results_dir=str(tmp_path / "stopped"))
+    run(config, lambda step: step == 300)
+    _, stopped_path = run(config)
+    assert_same(learner_state(whole_path), learner_state(stopped_path))
+    assert json.loads((stopped_path / "manifest.json").read_text())["backend"] == "plain"
 
 
 def test_rows_written_after_the_last_checkpoint_are_redone_not_doubled(tmp_path: Path) -> None:
