@@ -25,6 +25,7 @@ from tests.experiment.runs import changed, run_of
         "protocol.checkpoint_interval=20_000",
         "protocol.name=mine",
         "encoder=poisson",  # what encoder=task is on Hopper
+        "backend=fast",  # what backend=auto takes where it can
     ],
 )
 def test_what_changes_no_number_keeps_the_hash(override):
@@ -42,6 +43,7 @@ def test_what_changes_no_number_keeps_the_hash(override):
         "env=walker2d",
         "encoder=deterministic",
         "actor.lateral.radius=1",
+        "backend=plain",
         "normalize_observations=false",
         "protocol.start_steps=5000",
         "protocol.evaluation_episodes=5",
