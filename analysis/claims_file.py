@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -13,6 +14,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from analysis.data.errors import InputError
 from analysis.hypothesis_tests import TEST_SEEDS
 
+#: The key of a random policy's return among reference scores.
+RANDOM = "random"
 FILE = Path(__file__).with_name("claims.yaml")
 
 
@@ -46,16 +49,18 @@ class Claim:
 
 @dataclass(frozen=True)
 class Claims:
-    """The whole file."""
+    """The whole file. ``reference_scores``: returns by task and ``random`` or algorithm."""
 
     alpha: float
     power: float
     planned_seeds: int
     interim_alpha: float
     smallest_effect: float
+    failure_score: float
     baselines: tuple[str, ...]
     tasks: tuple[str, ...]
     claims: tuple[Claim, ...]
+    reference_scores: dict[str, dict[str, float]] = field(default_factory=dict)
 
 
 _STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
@@ -105,6 +110,8 @@ class _File(BaseModel):
     planned_seeds: Annotated[int, Field(ge=TEST_SEEDS)]
     interim_alpha: _Share
     smallest_effect: Annotated[float, Field(gt=0)]
+    failure_score: float = 50.0
+    reference_scores: dict[_Name, dict[_Name, float]] = {}
     baselines: list[_Name] = ["aan", "popsan"]
     tasks: Annotated[list[_Name], Field(min_length=1)]
     claims: list[Annotated[_Difference | _Interaction, Field(discriminator="kind")]]
@@ -116,6 +123,10 @@ class _File(BaseModel):
         for what, names in (("task", self.tasks), ("claim", [entry.name for entry in self.claims])):
             if twice := next((name for name in names if names.count(name) > 1), ""):
                 raise ValueError(f"{what} {twice} stands there twice")
+        for task, scores in self.reference_scores.items():
+            for algo in scores:
+                if algo != RANDOM and not scores[algo] > scores.get(RANDOM, -math.inf):
+                    raise ValueError(f"reference_scores: {algo} on {task} should be above {RANDOM}")
         return self
 
 
@@ -153,9 +164,11 @@ def read_claims(path: Path = FILE) -> Claims:
         planned_seeds=file.planned_seeds,
         interim_alpha=file.interim_alpha,
         smallest_effect=file.smallest_effect,
+        failure_score=file.failure_score,
         baselines=tuple(file.baselines),
         tasks=tasks,
         claims=claims,
+        reference_scores=file.reference_scores,
     )
 
 

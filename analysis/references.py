@@ -11,6 +11,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from analysis.claims_file import RANDOM, Claims
 from analysis.data.cells import Cell, select
 
 FILE = Path(__file__).with_name("reference_scores.yaml")
@@ -44,22 +45,25 @@ class Scale:
         return (np.asarray(returns, dtype=float) - self.zero) * self.points
 
 
-def random_return(env: str) -> float | None:
+def random_return(env: str, claims: Claims) -> float | None:
     """The mean return of a random policy; None where it has not been measured."""
+    if RANDOM in (own := claims.reference_scores.get(env, {})):
+        return own[RANDOM]
     found = references()["random_policy"].get(env)
     return None if found is None else float(found["mean"])
 
 
-def scale(cells: list[Cell], algo: str, env: str) -> Scale | None:
-    """The scale of a task: the committed reference, else the mean of the study's own AAN.
+def scale(cells: list[Cell], algo: str, env: str, claims: Claims) -> Scale | None:
+    """The scale of a task: the claims file's reference, else the committed one, else the mean of the study's own AAN.
 
     None where no random policy was measured, or neither reference nor a finished AAN above it is there.
     """
-    zero = random_return(env)
+    zero = random_return(env, claims)
     if zero is None:
         return None
-    hundred = references()["aan_reference"].get(algo, {}).get(env)
-    if hundred is not None:
+    committed = references()["aan_reference"].get(algo, {}).get(env)
+    hundred = claims.reference_scores.get(env, {}).get(algo, committed)
+    if hundred is not None and hundred > zero:
         return Scale(zero, float(hundred))
     own = [cell.final for cell in select(cells, algo, env, REFERENCE_ARM) if cell.n]
     if own and float(own[0].mean()) > zero:
@@ -67,13 +71,13 @@ def scale(cells: list[Cell], algo: str, env: str) -> Scale | None:
     return None
 
 
-def normalised(cells: list[Cell], returns: Array, algo: str, env: str) -> Array:
+def normalised(cells: list[Cell], returns: Array, algo: str, env: str, claims: Claims) -> Array:
     """``returns`` on the scale of their task.
 
     Raises:
         KeyError: the task has none under this algorithm (see :func:`scale`).
     """
-    found = scale(cells, algo, env)
+    found = scale(cells, algo, env, claims)
     if found is None:
         raise KeyError(f"{algo}/{env}")
     return found.normalised(returns)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from analysis.data.arms import arm_of
-from analysis.data.flatten import ABSENT, differing_keys
+from analysis.data.flatten import differing_keys
 from analysis.data.reading import Run
 
 MOST_KEYS = 10
@@ -33,21 +33,22 @@ def without_mixed(runs: list[Run]) -> tuple[list[Run], list[Refused]]:
     cells: dict[tuple[str, str, str], list[Run]] = defaultdict(list)
     folders: dict[str, list[Run]] = defaultdict(list)
     for run in runs:
-        cells[_cell(run)].append(run)
+        cells[cell_of(run)].append(run)
         folders[run.path.rpartition("/")[0]].append(run)
     reasons: dict[tuple[str, str, str], str] = {}
     for together in (*folders.values(), *cells.values()):
         if reason := _mixed(together):
             for run in together:
-                reasons.setdefault(_cell(run), reason)
+                reasons.setdefault(cell_of(run), reason)
     refused = [
         Refused(*cell, tuple(sorted(run.manifest.seed for run in cells[cell])), reason)
         for cell, reason in reasons.items()
     ]
-    return [run for run in runs if _cell(run) not in reasons], refused
+    return [run for run in runs if cell_of(run) not in reasons], refused
 
 
-def _cell(run: Run) -> tuple[str, str, str]:
+def cell_of(run: Run) -> tuple[str, str, str]:
+    """Algorithm, task and arm."""
     return run.manifest.algo, run.manifest.env, arm_of(run)[0]
 
 
@@ -57,20 +58,20 @@ def _mixed(runs: list[Run]) -> str:
     seeds: dict[tuple[str, int], Run] = {}
     for run in runs:
         if run.manifest.cell_hash != first.manifest.cell_hash:
-            where, names = _where(first, run)
-            differing = _shown(_differences(first, run)) or "their cell_hash, but in no key of config.yaml"
+            where, names = place_and_names(first, run)
+            differing = listed(differences(first, run)) or "their cell_hash, but in no key of config.yaml"
             return (
                 f"runs/{where} mixes two configurations: {names} differ in {differing}. "
                 "Move one of them to a label or a study of its own."
             )
-        twin = seeds.setdefault((_cell(run)[2], run.manifest.seed), run)
+        twin = seeds.setdefault((cell_of(run)[2], run.manifest.seed), run)
         if twin is not run:
-            where, names = _where(twin, run)
+            where, names = place_and_names(twin, run)
             return f"runs/{where} has seed {run.manifest.seed} twice: {names}. Move one of them away."
     return ""
 
 
-def _where(a: Run, b: Run) -> tuple[str, str]:
+def place_and_names(a: Run, b: Run) -> tuple[str, str]:
     """The folder that both runs lie in, and each run's place below it."""
     left = a.path.split("/")
     right = b.path.split("/")
@@ -78,7 +79,7 @@ def _where(a: Run, b: Run) -> tuple[str, str]:
     return "/".join(left[:same]), f"{'/'.join(left[same:])} and {'/'.join(right[same:])}"
 
 
-def _differences(a: Run, b: Run) -> list[tuple[str, Any, Any]]:
+def differences(a: Run, b: Run) -> list[tuple[str, Any, Any]]:
     """The keys in which two runs differ; the engine of the code counts as one."""
     hashed = [[*run.manifest.hashed_keys, "engine"] if run.manifest.hashed_keys else None for run in (a, b)]
     left = a.config | {"engine": a.manifest.engine}
@@ -86,27 +87,8 @@ def _differences(a: Run, b: Run) -> list[tuple[str, Any, Any]]:
     return differing_keys(left, right, hashed[0], hashed[1], exempt=frozenset({"seed"}))
 
 
-def _shown(found: list[tuple[str, Any, Any]]) -> str:
+def listed(found: list[tuple[str, Any, Any]]) -> str:
+    """``key: old against new; ...``, at most ``MOST_KEYS`` of them; empty for none."""
     shown = [f"{key}: {old} against {new}" for key, old, new in found[:MOST_KEYS]]
     more = [f"and {len(found) - MOST_KEYS} more keys"] if len(found) > MOST_KEYS else []
     return "; ".join(shown + more)
-
-
-def edited(runs: list[Run]) -> list[str]:
-    """A sentence for each run whose ``config.yaml`` contradicts that of its cell's first run, though the hashes agree.
-
-    The hash was made of what ran, so the run counts. Two versions of the training code may write the same configuration
-    with another set of keys: only keys that both have contradict one another.
-    """
-    firsts: dict[tuple[str, str, str], Run] = {}
-    sentences = []
-    for run in runs:
-        first = firsts.setdefault(_cell(run), run)
-        found = [one for one in _differences(first, run) if ABSENT not in one[1:]]
-        if found:
-            where, names = _where(first, run)
-            sentences.append(
-                f"runs/{where}: {names} have the same cell_hash, and their config.yaml differ in {_shown(found)}: "
-                "somebody has changed one of the two."
-            )
-    return sentences

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -11,11 +10,12 @@ from typing import Any
 import pandas as pd
 
 from analysis.data.arms import arm_of
+from analysis.data.cross_checks import cross_checks
 from analysis.data.errors import UnreadableRunError
 from analysis.data.flatten import flatten
 from analysis.data.folders import check_study, run_directories
-from analysis.data.mixed import Refused, edited, without_mixed
-from analysis.data.names import ACTORS, LONGEST, on_one_line, printable
+from analysis.data.mixed import Refused, without_mixed
+from analysis.data.names import on_one_line
 from analysis.data.operations import COLUMNS as OPERATION_COLUMNS
 from analysis.data.outcome import Judged, Outcome, counts, judge
 from analysis.data.reading import Run, read_run
@@ -145,14 +145,7 @@ def _assemble(name: str, judged: list[Judged], refused: list[Refused], warnings:
             study.hashed_keys.setdefault(key, manifest.hashed_keys)
         study.warnings += [f"runs/{one.run.path}: {warning}." for warning in (*one.run.warnings, *one.warnings)]
         study.warnings += [f"runs/{one.run.path}, from its manifest: {note}" for note in manifest.notes]
-    study.warnings += [
-        f"{arm} is printed as {printable(arm)}: figures have no room for {len(arm)} characters."
-        for arm in study.runs["arm"].unique()
-        if arm not in ACTORS and len(arm) > LONGEST
-    ]
-    study.warnings += edited([one.run for one in judged])
-    study.warnings += _copies(study.evaluations)
-    study.warnings += _several_blas(judged)
+    study.warnings += cross_checks([one.run for one in judged], study.evaluations)
     study.warnings = [_sentence(warning) for warning in study.warnings]
     return study
 
@@ -217,34 +210,6 @@ def _concat(frames: list[pd.DataFrame], columns: list[str]) -> pd.DataFrame:
     if not full:
         return pd.DataFrame(columns=columns)
     return pd.concat(full, ignore_index=True).reindex(columns=columns)
-
-
-def _copies(evaluations: pd.DataFrame) -> list[str]:
-    """Seeds of a cell with the same returns up to rounding: chance does not do that, a copied folder does."""
-    found = []
-    measured = evaluations[~evaluations["carried"].astype(bool)]
-    for (algo, env, arm), cell in measured.groupby(["algo", "env", "arm"], sort=False):
-        seen: dict[bytes, int] = {}
-        for seed, run in ((int(str(seed)), run) for seed, run in cell.groupby("seed")):
-            if len(run) < 2:
-                continue
-            digits = [f"{step} {value:.9e}" for step, value in zip(run["step"], run["return"])]
-            first = seen.setdefault("\n".join(digits).encode(), seed)
-            if first != seed:
-                found.append(
-                    f"{algo}/{env}/{arm}: seeds {first} and {seed} have the same returns at every evaluation; "
-                    "one of them looks like a copy of the other, and n counts both."
-                )
-    return found
-
-
-def _several_blas(judged: list[Judged]) -> list[str]:
-    """Results agree bit by bit only where the same library made the matrix products."""
-    used = Counter(blas for one in judged if (blas := one.run.manifest.blas.get("library")))
-    if len(used) < 2:
-        return []
-    shown = ", ".join(f"{library} in {count}" for library, count in sorted(used.items()))
-    return [f"The runs used several BLAS libraries ({shown} runs): the last bits of their results differ by library."]
 
 
 def flat_configuration(study: Study, algo: str, env: str, arm: str) -> dict[str, Any]:

@@ -27,7 +27,7 @@ def draw(view: View) -> list[Drawing]:
     )
     if not arms:
         return none(name, title, caption, view)
-    scores = {arm: [scores_of(view.cells, view.algo, arm)[env] for env in tasks] for arm in arms}
+    scores = {arm: [scores_of(view.cells, view.algo, arm, view.claims)[env] for env in tasks] for arm in arms}
     every = np.concatenate([values for arm in arms for values in scores[arm]])
     thresholds = np.linspace(min(0.0, float(np.floor(every.min()))), max(float(np.ceil(every.max())), 10.0), 101)
     figure, (axis,) = panels(view.style, 1, width=4.6, height=2.4)

@@ -37,7 +37,7 @@ def draw(view: View) -> list[Drawing]:
         steps = sorted(set(shared[0]).intersection(*shared[1:]))
         if not steps:
             continue
-        scales = [scale(view.cells, view.algo, env) for env in tasks]
+        scales = [scale(view.cells, view.algo, env, view.claims) for env in tasks]
         scores = [s.normalised(c.returns[:, np.isin(c.steps, steps)]) for s, c in zip(scales, found) if s]
         enough = min(cell.n for cell in found) >= INTERVAL_SEEDS
         values, low, high = bootstrap.curve_interval(scores, bootstrap.iqm)

@@ -28,21 +28,21 @@ METRICS = {
 
 def tasks_of(cells: list[Cell], algo: str, claims: Claims) -> list[str]:
     """The tasks that aggregates of an algorithm are over: the claims' that have a reference and a finished run."""
-    finished = {cell.env for cell in select(cells, algo) if cell.n and scale(cells, algo, cell.env)}
+    finished = {cell.env for cell in select(cells, algo) if cell.n and scale(cells, algo, cell.env, claims)}
     return ordered(finished & set(claims.tasks), claims.tasks)
 
 
-def scores_of(cells: list[Cell], algo: str, arm: str) -> dict[str, np.ndarray]:
+def scores_of(cells: list[Cell], algo: str, arm: str, claims: Claims) -> dict[str, np.ndarray]:
     """Normalised final performance ``[seeds]`` by task."""
-    found = [cell for cell in select(cells, algo, arm=arm) if cell.n and scale(cells, algo, cell.env)]
-    return {cell.env: normalised(cells, cell.final, algo, cell.env) for cell in found}
+    found = [cell for cell in select(cells, algo, arm=arm) if cell.n and scale(cells, algo, cell.env, claims)]
+    return {cell.env: normalised(cells, cell.final, algo, cell.env, claims) for cell in found}
 
 
 def complete_arms(cells: list[Cell], algo: str, claims: Claims) -> list[str]:
     """Arms with finished runs on all the tasks of the algorithm: only those can be compared over tasks."""
     tasks = set(tasks_of(cells, algo, claims))
     arms = ordered_arms({cell.arm for cell in select(cells, algo)})
-    return [arm for arm in arms if tasks and tasks <= set(scores_of(cells, algo, arm))]
+    return [arm for arm in arms if tasks and tasks <= set(scores_of(cells, algo, arm, claims))]
 
 
 def left_out(cells: list[Cell], algo: str, claims: Claims) -> str:
@@ -50,7 +50,7 @@ def left_out(cells: list[Cell], algo: str, claims: Claims) -> str:
     tasks, complete = tasks_of(cells, algo, claims), complete_arms(cells, algo, claims)
     lacking = {}
     for arm in ordered_arms({cell.arm for cell in select(cells, algo)} - set(complete)):
-        scores = scores_of(cells, algo, arm)
+        scores = scores_of(cells, algo, arm, claims)
         lacking[arm] = ", ".join(task_name(env) for env in tasks if env not in scores)
     shown = "; ".join(f"{actor_name(arm)} (no finished run on {envs})" for arm, envs in lacking.items() if envs)
     return f" Left out: {shown}." if shown else ""
@@ -62,7 +62,7 @@ def table(cells: list[Cell], claims: Claims) -> Table:
     for algo in dict.fromkeys(cell.algo for cell in cells):
         tasks = tasks_of(cells, algo, claims)
         for arm in ordered_arms({cell.arm for cell in select(cells, algo)}):
-            scores = scores_of(cells, algo, arm)
+            scores = scores_of(cells, algo, arm, claims)
             if not set(scores) & set(tasks):
                 continue
             values = [scores[env] for env in tasks if env in scores]

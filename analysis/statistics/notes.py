@@ -74,6 +74,6 @@ def _of_task(study: Study, every: list[Cell], algo: str, env: str, claims: Claim
             )
     if env not in claims.tasks:
         found.append(f"{name}: no claim is about this task; it is drawn and tabulated only.")
-    if scale(every, algo, env) is None:
+    if scale(every, algo, env, claims) is None:
         found.append(f"{name}: no reference score, so it has no part in what is computed over tasks.")
     return found

@@ -233,6 +233,8 @@ def plain(value: Any) -> Any:
     if dataclasses.is_dataclass(value) or hasattr(value, "_asdict"):
         names = value._fields if hasattr(value, "_asdict") else [field.name for field in dataclasses.fields(value)]
         return {name: plain(getattr(value, name)) for name in names}
+    if isinstance(value, dict):
+        return {name: plain(item) for name, item in value.items()}
     if isinstance(value, tuple):
         return [plain(item) for item in value]
     if isinstance(value, Enum):

@@ -10,6 +10,7 @@ from analysis.claims_file import Claims, Family, Kind
 from analysis.data.cells import Cell
 from analysis.data.names import ordered_algorithms
 from analysis.data.study import Study
+from analysis.failure_rates import failures
 from analysis.hypothesis_tests import NOTHING, TEST_SEEDS, Contrast, holm, one_sided_p, seeds_for_effect, spread_within
 from analysis.improvement import improvement_with_interval
 from analysis.metrics import hedges_g
@@ -55,7 +56,7 @@ def _family(samples: list[Sample], claims: Claims) -> list[ClaimResult]:
     judged = judge_family([contrasts_of(sample) for sample in samples], claims)
     if not any(sample.any_diverged for sample in samples):
         return [_result(one, None, None, len(samples), claims) for one in judged]
-    random = judge_family([contrasts_of(sample.with_random_score()) for sample in samples], claims)
+    random = judge_family([contrasts_of(sample.with_random_score(claims)) for sample in samples], claims)
     left_out = judge_family([contrasts_of(sample.without_diverged()) for sample in samples], claims)
     return [_result(*three, len(samples), claims) for three in zip(judged, random, left_out)]
 
@@ -116,6 +117,7 @@ def _task(
             beyond_plan=task.beyond_plan[k],
             diverged=int(task.diverged[k].sum()),
             below_half=share_below_half(scores[k]) if scores else _NAN,
+            failed=failures(scores[k], claims.failure_score) if scores else 0,
             two_humps=bool(scores) and two_humps(scores[k], claims.smallest_effect),
         )
         for k, (name, values) in enumerate(zip(sample.claim.arms, task.arms))

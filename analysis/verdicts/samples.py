@@ -68,13 +68,13 @@ class Sample:
         )
         return replace(self, tasks=tuple(tasks))
 
-    def with_random_score(self) -> Sample:
+    def with_random_score(self, claims: Claims) -> Sample:
         """The same with a random policy's return for the runs that diverged, where it is known."""
-        return replace(self, tasks=tuple(_random_for_diverged(task) for task in self.tasks))
+        return replace(self, tasks=tuple(_random_for_diverged(task, claims) for task in self.tasks))
 
 
-def _random_for_diverged(task: TaskSample) -> TaskSample:
-    zero = random_return(task.env)
+def _random_for_diverged(task: TaskSample, claims: Claims) -> TaskSample:
+    zero = random_return(task.env, claims)
     if zero is None:
         return task
     return replace(task, arms=tuple(np.where(mask, zero, arm) for arm, mask in zip(task.arms, task.diverged)))
@@ -116,7 +116,7 @@ def _task(study: Study, cells: list[Cell], claims: Claims, claim: Claim, algo: s
     found = [_cell(cells, claim, algo, env, arm) for arm in claim.arms]
     kept = [_in_plan(cell, claims.planned_seeds) for cell in found]
     arms = tuple(cell.final[mask] if cell else np.array([]) for cell, mask in zip(found, kept))
-    of_task = scale(cells, algo, env)
+    of_task = scale(cells, algo, env, claims)
     return TaskSample(
         env=env,
         arms=arms,

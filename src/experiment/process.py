@@ -21,16 +21,22 @@ from src.experiment.state import ExitCode
 
 _PR_SET_PDEATHSIG = 1
 _WATCH_SECONDS = 1.0
-VARIABLES = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
-#: OpenMP's threads spin while they wait for each other. On a busy machine that took 9 of 10 steps per second.
-PASSIVE_WAITING = {"OMP_WAIT_POLICY": "PASSIVE", "GOMP_SPINCOUNT": "0", "KMP_BLOCKTIME": "0"}
+VARIABLES = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+#: Threads that spin while they wait for each other bring a run on a busy machine to a standstill (docs/machines.md).
+#: OpenMP's can wait passively; OpenBLAS' own can't, so it gets one.
+PASSIVE_WAITING = {
+    "OMP_WAIT_POLICY": "PASSIVE",
+    "GOMP_SPINCOUNT": "0",
+    "KMP_BLOCKTIME": "0",
+    "OPENBLAS_NUM_THREADS": "1",
+}
 
 
 def thread_environment(threads: int) -> dict[str, str]:
     """The variables for a process that has not loaded torch yet; what the user says about waiting stays."""
     counts = dict.fromkeys(VARIABLES, str(threads))
     if threads == 1:
-        return counts
+        return counts | {"OPENBLAS_NUM_THREADS": "1"}
     return counts | {name: value for name, value in PASSIVE_WAITING.items() if name not in os.environ}
 
 

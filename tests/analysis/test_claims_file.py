@@ -55,6 +55,8 @@ def test_without_baselines_the_papers_are_meant(tmp_path):
         ({"smallest_effect": float("inf")}, "smallest_effect should be a finite number"),
         ({"alpha": 2.0}, "alpha should be less than 1, found 2.0"),
         ({"alpha": None}, "the key alpha is missing"),
+        ({"reference_scores": {"swimmer": {"td3": "x"}}}, "reference_scores.swimmer.td3 should be a valid number"),
+        ({"reference_scores": {"swimmer": {"random": 9, "td3": 3}}}, "td3 on swimmer should be above random"),
         ({"minimum_seeds": 3}, "there is no key minimum_seeds"),
         ({"tasks": []}, "tasks"),
         ({"tasks": ["hopper", "hopper"]}, "task hopper stands there twice"),

@@ -30,11 +30,12 @@ def test_repro_in_a_fresh_clone_then_nothing_then_a_new_run(tmp_path):
     for name in (".dvcignore", ".gitignore"):
         shutil.copy(ROOT / name, origin / name)
     lines = [
-        "  - studies: [s]" if line.startswith("  - studies:") else line
+        "  - studies: {s: {claims: results/s/claims.yaml}}" if line.startswith("  - studies:") else line
         for line in (ROOT / "dvc.yaml").read_text().splitlines()
     ]
     (origin / "dvc.yaml").write_text("\n".join(lines) + "\n")
     write_run(origin / "results/s", actor="aan")
+    shutil.copy(ROOT / "analysis/claims.yaml", origin / "results/s/claims.yaml")
     run("git", "init", "-q", cwd=origin)
     run("git", "add", "-A", cwd=origin)
     run("git", "-c", "user.name=t", "-c", "user.email=t@example.org", "commit", "-qm", "a study", cwd=origin)
@@ -49,6 +50,11 @@ def test_repro_in_a_fresh_clone_then_nothing_then_a_new_run(tmp_path):
     (clone / "results/s/runs/td3/hopper/aan/none/seed_0/state").mkdir()  # a checkpoint is no evidence
     (clone / "results/s/runs/td3/hopper/aan/none/seed_0/state/x.pt").write_text("x")
     assert "Running stage" not in run("dvc", "repro", cwd=clone)
+    with (clone / "results/s/claims.yaml").open("a") as own:  # the study's own claims are no part of analysis/
+        own.write("  - {name: mine, kind: difference, source: user, text: A claim of mine, better: x, worse: aan}\n")
+    again = run("dvc", "repro", cwd=clone)
+    assert "Running stage 'figures@s'" in again and "Running stage 'collect@s'" not in again
+    assert "A claim of mine" in (clone / "results/s/statistics/verdicts.csv").read_text()
     write_run(clone / "results/s", actor="bptsan")
     assert "Running stage 'report@s'" in run("dvc", "repro", cwd=clone)
     assert "BPT-SAN" in (clone / "results/s/statistics/seeds.csv").read_text()
@@ -62,3 +68,12 @@ def test_collect_needs_nothing_of_the_analysis_that_dvc_does_not_watch():
     assert all(name == "analysis" or name.startswith("analysis.data") for name in modules)
     stages = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
     assert "analysis/data" in stages["collect"]["do"]["deps"]
+
+
+def test_every_listed_study_depends_on_the_claims_that_hold_for_it():
+    from analysis.claims_file import claims_path
+
+    listed = yaml.safe_load((ROOT / "dvc.yaml").read_text())["vars"][0]["studies"]
+    assert listed
+    for name, study in listed.items():
+        assert claims_path(ROOT / "results" / name).resolve() == (ROOT / study["claims"]).resolve()

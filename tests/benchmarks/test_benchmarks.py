@@ -30,7 +30,7 @@ from src.experiment import process
 def _threads(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """The topics compute on one thread, as everything else in the tests may not."""
     before = torch.get_num_threads()
-    for variable in process.VARIABLES:
+    for variable in process.thread_environment(1):
         monkeypatch.setenv(variable, "1")  # so that they are as they were afterwards
     yield
     torch.set_num_threads(before)

@@ -121,9 +121,10 @@ def test_the_rule_for_old_manifests_is_the_one_that_the_training_code_hashes_by(
 def test_copied_seeds_are_noted(tmp_path):
     write_run(tmp_path / "s", curve=np.linspace(0, 500, 11))
     write_run(tmp_path / "s", seed=4, curve=np.linspace(0, 500, 11) * (1 + 1e-12))
+    write_run(tmp_path / "s", seed=7, curve=np.linspace(0, 500, 11))
     write_run(tmp_path / "s", seed=5, curve=np.linspace(0, 501, 11))
     (note,) = read_study(tmp_path / "s").warnings
-    assert "seeds 0 and 4 have the same returns" in note
+    assert "seeds 0, 4, 7 have the same returns" in note
 
 
 def test_the_same_label_under_another_task_or_coding_is_another_arm(tmp_path):

@@ -14,7 +14,7 @@ from analysis.verdicts.layers import contrasts_of, judge_family
 from analysis.verdicts.samples import Sample, TaskSample
 
 TASKS = ("hopper", "ant")
-RULE = Claims(0.05, 0.8, 10, 0.001, 15.0, ("aan",), TASKS, ())
+RULE = Claims(0.05, 0.8, 10, 0.001, 15.0, 50.0, ("aan",), TASKS, ())
 #: 100 units of return are 10 points on hopper, 20 on ant.
 SCALES = {"hopper": Scale(0.0, 1000.0), "ant": Scale(-100.0, 400.0)}
 STEPS = np.linspace(-1.5, 1.5, 10)  # standard deviation about 1
