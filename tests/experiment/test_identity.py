@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from src.config import ENGINE, to_dict
-from src.experiment.identity import differences, flatten, hashed_values
+from src.experiment.identity import ADDED_KEYS, differences, flatten, hashed_values
 from tests.experiment.runs import changed, run_of
 
 
@@ -43,8 +43,8 @@ def test_what_changes_no_number_keeps_the_hash(override):
         "env=walker2d",
         "encoder=deterministic",
         "actor.lateral.radius=1",
-        "backend=plain",
         "normalize_observations=false",
+        "backend=plain",
         "protocol.start_steps=5000",
         "protocol.evaluation_episodes=5",
         "+env.kwargs.reset_noise_scale=0.1",
@@ -108,7 +108,9 @@ def test_a_key_added_later_enters_hash_and_comparison_only_where_it_departs(monk
     run = run_of()
     before = run.configuration_hash
     content = to_dict(run.config)
-    monkeypatch.setattr("src.experiment.identity.ADDED_KEYS", {"new": ("auto", "fast"), "actor.newer": (False,)})
+    monkeypatch.setattr(
+        "src.experiment.identity.ADDED_KEYS", {**ADDED_KEYS, "new": ("auto", "fast"), "actor.newer": (False,)}
+    )
     for values in ({"new": "auto"}, {"new": "fast"}):
         added = {**content, **values, "actor": {**content["actor"], "newer": False}}
         assert hashed_values(added) == hashed_values(content)
