@@ -19,16 +19,17 @@ setup: .venv/.ready ## make the environment (.venv) from pinned versions; nothin
 	@$(if $(PYTHON),$(PYTHON) tools/suitable.py >/dev/null,echo "no Python 3.11, 3.12 or 3.13 with venv was found; install one, or PYTHON=/path/to/python" >&2; exit 2)
 	$(if $(filter $(WANTED),$(BUILT)),,$(PYTHON) -m venv --clear .venv)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt "torch==2.13.0"
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt ".[dev,slurm]"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt ".[dev,slurm,video]"
 	@rm -rf build *.egg-info
 	$(BIN)/python -m src.engine.compile
 	@touch $@
 
 another-version:
 
-demo: setup ## train a small real grid (12 runs of 3,000 steps), write the report, print its path
+demo: setup ## train a small real grid (12 runs of 3,000 steps), write the report, watch one policy
 	$(BIN)/python -m src.run sweeps=demo logger=none
 	$(BIN)/python -m analysis report results/demo
+	$(BIN)/python -m src.watch results/demo/runs/td3/hopper/bptsan/poisson/seed_0
 
 test: setup ## the tests (under 12 minutes on 2 cores)
 	$(BIN)/python -m pytest -m "not long and not slurm and not browser and not latex"

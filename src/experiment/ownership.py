@@ -25,6 +25,7 @@ from src.experiment.identity import Run, differences
 from src.experiment.run_directory import (
     FILES,
     RESERVE_FILE,
+    WATCH_FOLDER,
     Failure,
     Manifest,
     ManifestError,
@@ -167,6 +168,7 @@ def _clear(directory: RunDirectory) -> None:
     """Delete what an old run has left, but for the lock that we hold and the log that we may be writing."""
     for name in FILES:
         (directory.path / name).unlink(missing_ok=True)
+    shutil.rmtree(directory.path / WATCH_FOLDER, ignore_errors=True)
     for entry in directory.state.iterdir():
         if entry.name in ("lock", "owner", "log.txt", RESERVE_FILE):
             continue

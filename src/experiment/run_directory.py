@@ -36,7 +36,10 @@ FILES = (
     "policy.pt",
     "policy_best.pt",
     "operations.json",
+    "robustness.csv",
 )
+#: What ``python -m src.watch`` has drawn of the policy.
+WATCH_FOLDER = "watch"
 FORMAT = 1
 _STAMP = "%Y-%m-%dT%H:%M:%SZ"
 

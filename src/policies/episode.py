@@ -1,0 +1,131 @@
+"""One episode of a trained policy, with everything that its network did."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import gymnasium
+import numpy as np
+import torch
+from torch import Tensor
+
+from src.policies.load import FRESH
+from src.policies.operations import OperationCounter, Operations
+from src.policies.trace import Neurons, NotTraceable, Trace, trace
+from src.streams import Streams
+from src.training.policy_file import TrainedPolicy
+
+#: Called after the reset and after every step with the number of steps and the return so far.
+OnStep = Callable[[int, float], None]
+
+
+@dataclass
+class Population:
+    """A layer over the episode; ``spiking`` ones hold spikes, others real activations.
+
+    ``first`` is every time step of the first decisions, ``[decisions * S, n]``; ``rates`` the mean over the time steps
+    of each decision, ``[steps, n]``.
+    """
+
+    name: str
+    spiking: bool
+    time_steps: int
+    first: np.ndarray
+    rates: np.ndarray
+
+
+@dataclass
+class Episode:
+    """What happened. ``populations`` is empty and ``operations`` None for an actor that can't be looked into."""
+
+    actions: np.ndarray  # [steps, M]
+    rewards: np.ndarray  # [steps]
+    populations: list[Population] = field(default_factory=list)
+    operations: Operations | None = None
+
+    @property
+    def episode_return(self) -> float:
+        """The sum of the rewards, in float64."""
+        return float(sum(self.rewards.tolist()))
+
+
+class _Recorder:
+    """Collects the traces of an episode."""
+
+    def __init__(self, decisions: int) -> None:
+        self.decisions = decisions
+        self.counter = OperationCounter()
+        self.first: dict[str, list[Tensor]] = {}
+        self.rates: dict[str, list[Tensor]] = {}
+        self.spiking: dict[str, bool] = {}
+        self.time_steps: dict[str, int] = {}
+
+    def add(self, seen: Trace) -> None:
+        inputs = seen.connections[0].inputs
+        has_spikes = any(layer.potentials is not None for layer in seen.neurons)
+        layers = [Neurons("input", inputs, inputs if has_spikes else None), *seen.neurons]
+        if self.counter.decisions < self.decisions:
+            for layer in layers:
+                self.first.setdefault(layer.name, []).append(layer.activations[:, 0])
+        for layer in layers:
+            self.rates.setdefault(layer.name, []).append(layer.activations[:, 0].mean(0))
+            self.spiking[layer.name] = layer.potentials is not None
+            self.time_steps[layer.name] = len(layer.activations)
+        self.counter.add(seen)
+
+    def populations(self) -> list[Population]:
+        return [
+            Population(
+                name,
+                self.spiking[name],
+                self.time_steps[name],
+                torch.cat(self.first[name]).numpy(),
+                torch.stack(rates).numpy(),
+            )
+            for name, rates in self.rates.items()
+        ]
+
+
+def play_episode(
+    trained: TrainedPolicy, environment: gymnasium.Env, seed: int, decisions: int, on_step: OnStep | None = None
+) -> Episode:
+    """Play the first episode of ``python -m src.evaluate RUN --episodes 1 --seed SEED`` and watch it.
+
+    Args:
+        trained: the policy.
+        environment: its task.
+        seed: of the episode.
+        decisions: how many decisions to keep every time step of.
+        on_step: see :data:`OnStep`; where frames are taken.
+    """
+    streams = Streams(seed)
+    generator, of_trace = streams.torch("evaluation encoder", FRESH), torch.Generator()
+    recorder: _Recorder | None = _Recorder(decisions)
+    actions, rewards = [], []
+    observation, _ = environment.reset(seed=streams.integer("evaluation", FRESH, 0))
+    ended, total = False, 0.0
+    if on_step is not None:
+        on_step(0, 0.0)
+    with torch.no_grad(), trained.policy.actor.fixed_weights():
+        while not ended:
+            batch = torch.from_numpy(np.asarray(observation, np.float32)).unsqueeze(0)
+            of_trace.set_state(generator.get_state())
+            action = trained.act(batch, generator)[0].numpy()
+            if recorder is not None:
+                try:
+                    recorder.add(trace(trained.policy.actor, trained.normalizer.normalize(batch), of_trace))
+                except NotTraceable:
+                    recorder = None
+            observation, reward, terminated, truncated, _ = environment.step(action)
+            ended = bool(terminated or truncated)
+            actions.append(action)
+            rewards.append(float(reward))
+            total += float(reward)
+            if on_step is not None:
+                on_step(len(rewards), total)
+    episode = Episode(np.stack(actions), np.asarray(rewards, np.float64))
+    if recorder is not None:
+        episode.populations = recorder.populations()
+        episode.operations = recorder.counter.operations(trained.policy.actor, episodes=1)
+    return episode
