@@ -23,7 +23,7 @@ from tests.helpers import make_config
 
 N, M, SEED = 5, 3, 3
 SMALL = {"actor.hidden_sizes": [32, 32], "algo.critic_hidden_sizes": [32, 32]}
-BACKENDS = ("plain",)
+BACKENDS = ("plain", "fast")
 
 
 @pytest.fixture(params=BACKENDS)
