@@ -8,7 +8,7 @@ import pytest
 
 from analysis.__main__ import main
 from analysis.tables import CAPTION_WORDS, short_caption
-from tests.analysis.synthetic import write_grid, write_operations, write_run
+from benchmarks.synthetic import write_grid, write_operations, write_run
 
 PDFLATEX = shutil.which("pdflatex")
 

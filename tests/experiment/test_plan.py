@@ -8,6 +8,7 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 
 from src.experiment import cost as costs
 from src.experiment.ownership import acquire
+from tests.experiment.command import run
 from tests.experiment.runs import ROOT, changed, run_of, smoke
 
 sys.path.append(str(ROOT / "src" / "plugins"))
@@ -62,3 +63,11 @@ def test_an_unknown_environment_is_said_not_guessed():
     config = run_of().config
     other = dataclasses.replace(config, env=dataclasses.replace(config.env, id="Pendulum-v1", name="pendulum"))
     assert costs.cost([(other, 0)], 1).unknown_sizes == ("pendulum",)
+
+
+def test_a_grid_over_a_key_that_changes_nothing_has_each_run_once(tmp_path):
+    grid = ("actor=aan,bptsan", "encoder.population_size=10,20", "protocol=smoke", "dry_run=true")
+    done = run(tmp_path, "-m", *grid)
+    assert done.code == 0 and "3 runs in" in done.out, done
+    twice = run(tmp_path, "-m", "actor=aan", "seed=1,1", "protocol=smoke", "dry_run=true")
+    assert twice.code == 2 and "the grid has this run twice" in twice.err
