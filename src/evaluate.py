@@ -80,7 +80,7 @@ def play(path: Path, episodes: int, seed: int) -> list[tuple[float, int]]:
     trained = load_policy(path)
     config = replace(trained.config, protocol=replace(trained.config.protocol, evaluation_episodes=episodes))
     evaluator = Evaluator(config, Streams(seed))
-    return evaluator.evaluate(trained.act, step=FRESH)
+    return evaluator.evaluate(trained.as_in_training(), step=FRESH)
 
 
 def summary(returns: Sequence[float]) -> str:

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
+
+import torch
+from torch import Tensor
 
 from src.actors.actor import Actor
 from src.actors.build import build_actor
@@ -56,6 +60,18 @@ def build_learner(
     else:
         log_std = LogStdNetwork(observation_size, action_size, streams, algo.log_std_hidden_sizes)
     return backend.sac(algo, actor, log_std.to(config.device), critic, action_limit, update_streams)
+
+
+def acting(config: ExperimentConfig, actor: Actor) -> Callable[[Tensor, torch.Generator], Tensor]:
+    """The actor's output ``[B, M]`` for ``[B, N]`` without gradient, on the backend that a run of this configuration has.
+
+    By the parameters as they are now: ask again after changing one.
+    """
+    if engine_for(config, actor) is PLAIN:
+        return torch.no_grad()(actor)
+    from src.engine import fast
+
+    return fast.acting(actor)
 
 
 def engine_for(config: ExperimentConfig, actor: Actor) -> Backend:

@@ -1,8 +1,28 @@
 """What :func:`src.algorithms.build.build_learner` takes of the engine: whom it serves, and the fast algorithms."""
 
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import torch
+from torch import Tensor
+
+from src.actors.actor import Actor
 from src.engine import sac, td3
-from src.engine.binding import refusal
+from src.engine.binding import bind, refusal
+from src.engine.flat import FlatParameters
 
 TD3, SAC = td3.FastTD3, sac.FastSAC
 
-__all__ = ["SAC", "TD3", "refusal"]
+__all__ = ["SAC", "TD3", "acting", "refusal"]
+
+
+def acting(actor: Actor) -> Callable[[Tensor, torch.Generator], Tensor]:
+    """The actor's output ``[B, M]`` for ``[B, N]`` as a fast learner acts, by the parameters as they are now.
+
+    Its parameters move into a flat tensor, as a learner's do. Change one, and ask again.
+    """
+    FlatParameters(actor.parameters())
+    bound = bind(actor)
+    bound.refresh()
+    return bound.act

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -9,6 +11,7 @@ import torch
 from torch import Tensor
 
 from src.actors.build import build_actor
+from src.algorithms.build import acting
 from src.algorithms.learner import Learner
 from src.algorithms.policy import DeterministicPolicy
 from src.config import ExperimentConfig, to_dict, validate
@@ -39,7 +42,9 @@ def save_policy(
     write_archive(
         path,
         {
-            "config": to_dict(config),
+            "config": to_dict(
+                replace(config, results_dir="results")
+            ),  # a policy is carried away: no path of its machine
             "observation_size": sizes[0],
             "action_size": sizes[1],
             "action_limit": learner.policy.action_limit,
@@ -73,8 +78,16 @@ class TrainedPolicy:
         if "step" in content:
             self.standing = Standing(content["step"], content["evaluation_return"])
 
+    def as_in_training(self) -> Callable[[Tensor, torch.Generator], Tensor]:
+        """:meth:`act` on the backend that trained it, so that an evaluation is replayed bit for bit on one machine.
+
+        By the parameters as they are now: ask again after changing one.
+        """
+        raw = acting(self.config, self.policy.actor)
+        return lambda observation, generator: self.policy.squash(raw(self.normalizer.normalize(observation), generator))
+
     @torch.no_grad()
     def act(self, observation: Tensor, generator: torch.Generator) -> Tensor:
-        """Actions ``[B, M]`` for raw observations ``[B, N]``."""
+        """Actions ``[B, M]`` for raw observations ``[B, N]``, in plain PyTorch."""
         action: Tensor = self.policy(self.normalizer.normalize(observation), generator)
         return action

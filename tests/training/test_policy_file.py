@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+import torch
 
 from src.streams import Streams
 from src.training.checkpoint import CorruptCheckpoint
@@ -26,8 +27,26 @@ def test_the_policy_file_alone_replays_the_last_evaluation(finished: Path) -> No
     trained = TrainedPolicy(finished / "policy.pt")
     table = pd.read_csv(finished / "evaluations.csv")
     last = table[table["step"] == table["step"].max()]
-    again = Evaluator(trained.config, Streams(trained.config.seed)).evaluate(trained.act, int(last["step"].iloc[0]))
+    act, step = trained.as_in_training(), int(last["step"].iloc[0])
+    again = Evaluator(trained.config, Streams(trained.config.seed)).evaluate(act, step)
     assert [r for r, _ in again] == last["return"].tolist()
+
+
+def test_a_policy_that_is_changed_acts_by_what_it_is_then(finished: Path) -> None:
+    """Whoever disturbs weights asks for the acting again; the plain path needs no asking."""
+    trained = TrainedPolicy(finished / "policy.pt")
+    observation, generator = torch.randn(5, 11), torch.Generator()
+    before = trained.as_in_training()(observation, generator.manual_seed(1))
+    torch.testing.assert_close(before, trained.act(observation, generator.manual_seed(1)), rtol=0, atol=1e-3)
+    with torch.no_grad():
+        trained.policy.actor.decoder.bias += 1.0  # type: ignore[union-attr,operator]
+    after = trained.as_in_training()(observation, generator.manual_seed(1))
+    torch.testing.assert_close(after, trained.act(observation, generator.manual_seed(1)), rtol=0, atol=1e-3)
+    assert (after > before).all()
+
+
+def test_no_path_of_the_machine_is_carried_away(finished: Path) -> None:
+    assert str(finished.parents[6]).encode() not in (finished / "policy.pt").read_bytes()
 
 
 def test_the_command_plays_fresh_episodes_the_same_ones_each_time(finished: Path) -> None:
