@@ -17,7 +17,7 @@ import yaml
 from benchmarks.configuration import compose
 from src.config import to_dict
 
-CONF = Path(__file__).resolve().parents[2] / "conf"
+CONF = Path(__file__).resolve().parents[1] / "conf"
 SIZES = {"hopper": (11, 3), "walker2d": (17, 6), "halfcheetah": (17, 6), "ant": (111, 8)}
 LEVELS = {"hopper": 3000.0, "walker2d": 3500.0, "halfcheetah": 9000.0, "ant": 4000.0}
 ACTORS = ("aan", "popsan", "bptsan_wo_ndt", "bptsan_wo_li", "bptsan")

@@ -1,7 +1,9 @@
 """Play a trained policy again, on fresh episodes: ``python -m src.evaluate RUN --episodes 10``.
 
 It prints the mean return, the standard deviation over episodes and a 95 % t interval of the mean. The episodes differ
-from all those of the run's own evaluations. Relative paths lie in the repository, whatever the working directory.
+from all those of the run's own evaluations. With ``--robustness`` it plays them under graded disturbances and writes
+``robustness.csv`` into each run directory; with ``--operations`` it counts instead (docs/policies.md). Relative paths
+lie in the repository, whatever the working directory.
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ from pathlib import Path
 
 from src.config import ConfigurationError
 from src.experiment import process
-from src.experiment.machine import repository_path
+from src.experiment.machine import repository_path, shown_path
 from src.policies.find import BEST, FINAL, policy_path
 
 CONFIDENCE = 0.95
@@ -27,7 +29,9 @@ def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="python -m src.evaluate", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("run", type=repository_path, help="a run directory, or a policy file")
+    parser.add_argument(
+        "runs", type=repository_path, nargs="+", metavar="RUN", help="a run directory, or a policy file"
+    )
     parser.add_argument(
         "--policy",
         choices=(FINAL, BEST),
@@ -39,18 +43,23 @@ def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
         "--seed", type=int, default=0, help="seed of the episodes; another one gives others (default: 0)"
     )
     parser.add_argument("--csv", type=repository_path, help="write episode,return,length here too")
-    parser.add_argument(
+    instead = parser.add_mutually_exclusive_group()
+    instead.add_argument(
         "--operations",
         action="store_true",
         help="instead: count the final policy's operations over its last evaluation, into RUN/operations.json",
     )
+    instead.add_argument("--robustness", action="store_true", help="under graded disturbances, into RUN/robustness.csv")
     options = parser.parse_args(arguments)
     if options.episodes < 1:
         parser.error(f"--episodes: should be at least 1, found {options.episodes}")
     if options.seed < 0:
         parser.error(f"--seed: should be at least 0, found {options.seed}")
-    if options.operations and not options.run.is_dir():
-        parser.error(f"--operations: should be given a run directory, found {options.run}")
+    for run in options.runs:
+        if (options.operations or options.robustness) and not run.is_dir():
+            parser.error(f"--operations and --robustness: should be given run directories, found {run}")
+    if options.csv and len(options.runs) > 1:
+        parser.error("--csv: takes the episodes of one run")
     if options.operations and options.policy == BEST:
         parser.error("--operations: counts the final policy, not the best one")
     return options
@@ -105,34 +114,43 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         if options.csv:
             check_csv(options.csv)
-        path = policy_path(options.run, options.policy)
-        if options.operations:
-            return count(options.run, path)
-        results = play(path, options.episodes, options.seed)
+        for run in options.runs:
+            path = policy_path(run, options.policy)
+            if options.operations:
+                count(run, path)
+            elif options.robustness:
+                disturb(run, path, options)
+            else:
+                evaluate(run, path, options)
     except (ConfigurationError, RuntimeError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    show(options, results)
+    return 0
+
+
+def evaluate(run: Path, path: Path, options: argparse.Namespace) -> None:
+    """Play, show, and write the table where one is asked for."""
+    results = play(path, options.episodes, options.seed)
+    show(run, results, options.seed)
     if options.csv:
         with options.csv.open("w", newline="") as file:
             writer = csv.writer(file, lineterminator="\n")
             writer.writerows([("episode", "return", "length"), *((i, r, n) for i, (r, n) in enumerate(results))])
-    return 0
 
 
-def show(options: argparse.Namespace, results: Sequence[tuple[float, int]]) -> None:
+def show(run: Path, results: Sequence[tuple[float, int]], seed: int) -> None:
     """The episodes as a table, and their summary."""
     from rich.console import Console
     from rich.table import Table
 
-    table = Table("episode", "return", "length", title=str(options.run))
+    table = Table("episode", "return", "length", title=shown_path(run))
     for episode, (episode_return, length) in enumerate(results):
         table.add_row(str(episode), f"{episode_return:.1f}", str(length))
     Console().print(table)
-    print(f"{summary([episode_return for episode_return, _ in results])}, seed {options.seed}")
+    print(f"{summary([episode_return for episode_return, _ in results])}, seed {seed}")
 
 
-def count(run: Path, path: Path) -> int:
+def count(run: Path, path: Path) -> None:
     """``--operations``: count, write and say where."""
     process.set_threads_before_torch(1)
     from src.policies.load import count_again
@@ -142,10 +160,27 @@ def count(run: Path, path: Path) -> int:
     try:
         operations = count_again(path)
     except NotTraceable as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    print(f"{write_operations(run, operations)}: {operations.decisions} decisions of {operations.episodes} episodes")
-    return 0
+        raise ConfigurationError(f"{shown_path(run)}: {error}") from None
+    written = shown_path(write_operations(run, operations))
+    print(f"wrote {written}: {operations.decisions} decisions of {operations.episodes} episodes")
+
+
+def disturb(run: Path, path: Path, options: argparse.Namespace) -> None:
+    """``--robustness``: play under every condition, show each as it is done, write and say where."""
+    process.set_threads_before_torch(1)
+    from src.policies import robustness
+
+    print(f"{shown_path(run)}, {options.policy} policy")
+    print(f"{'disturbance':<20}{'severity':>9}{'mean return':>13}{'change':>9}")
+    played: list[robustness.Played] = []
+    for each in robustness.play(path, options.episodes, options.seed):
+        played.append(each)
+        plain, mean = (sum(r for r, _ in p.episodes) / options.episodes for p in (played[0], each))
+        print(
+            f"{each.condition.disturbance:<20}{each.condition.severity:>9g}{mean:>13.1f}{mean - plain:>+9.1f}",
+            flush=True,
+        )
+    print(f"wrote {shown_path(robustness.write(run, options.policy, played))}")
 
 
 if __name__ == "__main__":

@@ -56,7 +56,7 @@ def _drawing(view: View, base: str, arms: list[str]) -> Drawing:
     tasks, style = list(dict.fromkeys(cell.env for cell in here)), looks(ordered_arms(arms))
     labels = 0.062 * max(len(actor_name(arm)) for arm in arms)
     figure, axes = panels(
-        view.style, len(tasks), width=2.0 + min(labels, 1.6), height=0.7 + 0.24 * len(arms), columns=3
+        view.style, len(tasks), width=1.6 + min(labels, 1.6), height=0.7 + 0.24 * len(arms), columns=4
     )
     rows = []
     for axis, env in zip(axes, tasks):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import textwrap
+
 import numpy as np
 import pandas as pd
 from matplotlib import colormaps
@@ -59,16 +61,13 @@ def _drawing(view: View, key: str) -> list[Drawing]:
         if index < len(tasks):
             axis.set_title(task_name(env))
     for axis, line in zip(leftmost(axes), shown):
-        axis.set_ylabel(f"{line}\nreturn" if len(line) < 26 else f"{line[:24]}…\nreturn")
+        axis.set_ylabel("\n".join(textwrap.wrap(line, 20)), fontsize=7)
     legend_below(figure, axes)
-    more = (
-        f" {len(lines) - len(shown)} further actors are not drawn: {', '.join(lines[len(shown) :])}."
-        if lines[len(shown) :]
-        else ""
-    )
+    rest = lines[len(shown) :]
+    more = f" {len(rest)} further actors are not drawn: {', '.join(rest)}." if rest else ""
     caption = (
-        f"Mean evaluation return over seeds by {key}, smoothed as the curves above; shaded: half a standard deviation. "
-        f"A row per actor; baselines without this key stand in each panel.{more}"
+        f"Mean evaluation return (vertical) over seeds by {key}, smoothed as the curves above; shaded: half a standard "
+        f"deviation. A row per actor; baselines without this key stand in each panel.{more}"
     )
     title = f"Average return by {key}, {algorithm_name(view.algo)}"
     data = pd.concat(frames, ignore_index=True)

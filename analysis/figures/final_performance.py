@@ -61,6 +61,7 @@ def draw(view: View) -> list[Drawing]:
         axis.grid(False, axis="y")
     for axis in lowest(axes):
         axis.set_xlabel("Final performance (return)")
+    many = len(tasks) > 2 or view.study.runs["algo"].nunique() > 1  # the first table says the same in less room
     alt = "Final performance, mean and range over seeds: " + "; ".join(
         f"{task_name(env)}: "
         + ", ".join(
@@ -69,4 +70,4 @@ def draw(view: View) -> list[Drawing]:
         )
         for env in tasks
     )
-    return [Drawing(name, title, caption, figure=figure, data=pd.DataFrame(rows), alt=f"{alt}.")]
+    return [Drawing(name, title, caption, figure=figure, data=pd.DataFrame(rows), alt=f"{alt}.", folded=many)]

@@ -23,21 +23,21 @@ def draw(view: View) -> list[Drawing]:
         missing = f"No finished run has both {first} and {second}."
         return [Drawing(name, title, "", missing=missing)]
     runs = runs.assign(first=[value[0] for value in runs["value"]], second=[value[1] for value in runs["value"]])
-    axis_values = ordered_values(runs["first"]), ordered_values(runs["second"])
+    most = [runs.groupby(["env", "line"])[side].nunique().max() for side in ("first", "second")]
     table = (
         runs.groupby(["env", "line", "first", "second"])["final"].agg(["mean", "std", "count"]).reset_index()
         .rename(columns={"first": first, "second": second, "count": "n"})
     )  # fmt: skip
     places = [(env, line) for env in ordered_tasks(runs["env"]) for line in dict.fromkeys(runs["line"])]
     places = [place for place in places if ((table["env"] == place[0]) & (table["line"] == place[1])).any()]
-    size = 1.2 + 0.55 * len(axis_values[1])
-    figure, axes = panels(
-        view.style, len(places), width=max(size, 2.2), height=0.9 + 0.3 * len(axis_values[0]), columns=3
-    )
+    size = 1.2 + 0.55 * most[1]
+    figure, axes = panels(view.style, len(places), width=max(size, 2.2), height=0.9 + 0.3 * most[0], columns=3)
     for axis, (env, line) in zip(axes, places):
         mine = table[(table["env"] == env) & (table["line"] == line)]
-        grid = mine.pivot(index=first, columns=second, values="mean").reindex(axis_values[0], columns=axis_values[1])
-        counts = mine.pivot(index=first, columns=second, values="n").reindex(axis_values[0], columns=axis_values[1])
+        down, across = ordered_values(mine[first]), ordered_values(mine[second])
+        grid, counts = (
+            mine.pivot(index=first, columns=second, values=what).reindex(down, columns=across) for what in ("mean", "n")
+        )
         image = axis.imshow(grid.to_numpy(dtype=float), cmap="viridis", aspect="auto")
         for (row, column), value in np.ndenumerate(grid.to_numpy(dtype=float)):
             if np.isnan(value):
@@ -47,8 +47,8 @@ def draw(view: View) -> list[Drawing]:
             words = f"{value:,.0f}\n(n={int(counts.iat[row, column])})"
             dark = np.isfinite(shade) and shade < 0.6
             axis.text(column, row, words, ha="center", va="center", fontsize=7, color="white" if dark else "black")
-        axis.set_xticks(range(len(axis_values[1])), list(map(str, axis_values[1])))
-        axis.set_yticks(range(len(axis_values[0])), list(map(str, axis_values[0])))
+        axis.set_xticks(range(len(across)), list(map(str, across)))
+        axis.set_yticks(range(len(down)), list(map(str, down)))
         axis.set_title(f"{task_name(env)}, {line}", fontsize=8)
         axis.grid(False)
     for axis in lowest(axes):

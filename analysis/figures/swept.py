@@ -31,7 +31,7 @@ def runs_by(study: Study, algo: str, keys: tuple[str, ...]) -> pd.DataFrame:
     runs = study.runs[(study.runs["algo"] == algo) & study.runs["status"].isin([Status.COMPLETE, Status.DIVERGED])]
     if "protocol.total_steps" not in keys:  # as everywhere else, nothing is compared after unequal training
         runs = runs[counts(runs)]
-    codings = runs.groupby("actor")["encoder"].nunique().to_dict()
+    codings = runs.groupby(["env", "actor"])["encoder"].nunique().to_dict()
     rows: list[dict[str, Any]] = []
     for run in runs.itertuples():
         flat = flat_configuration(study, algo, str(run.env), str(run.arm))
@@ -40,8 +40,12 @@ def runs_by(study: Study, algo: str, keys: tuple[str, ...]) -> pd.DataFrame:
         if None in value:
             continue
         changed = json.loads(str(run.changed_keys))
-        others = [f"{key}={flat.get(key, changed[key])}" for key in sorted(changed) if not _named(key, keys)]
-        coding = [str(run.encoder)] if codings[run.actor] > 1 and "encoder.coding" not in keys else []
+        others = [
+            f"{key.removeprefix('actor.')}={flat.get(key, changed[key])}"
+            for key in sorted(changed)
+            if not _named(key, keys)
+        ]
+        coding = [str(run.encoder)] if codings[run.env, run.actor] > 1 and "encoder.coding" not in keys else []
         extra = ", ".join([*others, *coding])
         line = actor_name(str(run.actor)) + (f" [{extra}]" if extra else "")
         rows.append(

@@ -107,7 +107,7 @@ def play_episode(
     ended, total = False, 0.0
     if on_step is not None:
         on_step(0, 0.0)
-    with torch.no_grad(), trained.policy.actor.fixed_weights():
+    with torch.no_grad():
         while not ended:
             batch = torch.from_numpy(np.asarray(observation, np.float32)).unsqueeze(0)
             of_trace.set_state(generator.get_state())

@@ -93,6 +93,31 @@ def linear_layers(actor: MLPActor) -> list[tuple[Tensor, Tensor]]:
     return parameters
 
 
+class Layer(NamedTuple):
+    """Weights and bias of one connection layer, in the parameters' memory: writing into them changes the actor."""
+
+    name: str
+    weight: Tensor
+    bias: Tensor | None
+
+
+def weighted_layers(actor: Actor) -> list[Layer]:
+    """Every connection layer in the order of the data; of an unknown actor its ``nn.Linear`` layers."""
+    if is_perceptron(actor):
+        assert isinstance(actor, MLPActor)
+        return [Layer(f"layer{n}", *parts) for n, parts in enumerate(linear_layers(actor), start=1)]
+    if not is_spiking(actor):
+        linear = [(name, module) for name, module in actor.named_modules() if isinstance(module, nn.Linear)]
+        return [Layer(name, module.weight, module.bias) for name, module in linear]
+    assert isinstance(actor, SpikingActor)
+    layers = []
+    for number, layer in enumerate(actor.spiking_layers(), start=1):
+        layers.append(Layer(f"layer{number}", layer.synapse.weight, layer.synapse.bias))
+        if layer.lateral is not None:
+            layers.append(Layer(f"layer{number}.lateral", layer.lateral.weight, None))
+    return [*layers, Layer("decoder", actor.decoder.weight, actor.decoder.bias)]
+
+
 def _spiking(actor: SpikingActor, observation: Tensor, generator: torch.Generator | None) -> Trace:
     spikes = actor.encoder(observation, generator)
     connections, neurons = [], []

@@ -16,6 +16,9 @@ from src.training.gym_task import make_gym
 #: observations float32 [k, N] and the encoder's generator -> actions float32 [k, M], k = episodes still running.
 Act = Callable[[Tensor, torch.Generator], Tensor]
 
+#: A wrapper for the environment of an episode, by its number.
+Wrap = Callable[[gymnasium.Env, int], gymnasium.Env]
+
 
 class Evaluator:
     """Plays ``protocol.evaluation_episodes`` episodes side by side, one policy call for all that still run.
@@ -24,8 +27,9 @@ class Evaluator:
     step alone: not on the evaluations before it, and not on whether the run was stopped in between.
     """
 
-    def __init__(self, config: ExperimentConfig, streams: Streams) -> None:
+    def __init__(self, config: ExperimentConfig, streams: Streams, wrap: Wrap | None = None) -> None:
         self._config = config
+        self._wrap = wrap
         self._streams = streams
         self._environments: list[gymnasium.Env] = []
 
@@ -68,4 +72,6 @@ class Evaluator:
         if not self._environments:
             episodes = self._config.protocol.evaluation_episodes
             self._environments = [make_gym(self._config.env) for _ in range(episodes)]
+            if self._wrap is not None:
+                self._environments = [self._wrap(each, episode) for episode, each in enumerate(self._environments)]
         return self._environments

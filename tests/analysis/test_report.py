@@ -267,6 +267,24 @@ def test_compare_labels_and_studies(tmp_path, capsys):
     assert "actor.kind" in notes[0]
 
 
+def test_compare_sets_any_two_sides_beside_one_another_with_one_note_about_what_differs(tmp_path, capsys):
+    envs = ("hopper", "ant", "walker2d")
+    write_grid(tmp_path / "a", {"bptsan": 500.0}, algos=("td3", "sac"), envs=envs, actors=("aan", "bptsan"), seeds=3)
+    write_run(tmp_path / "b", label="mine", manifest={"actor": "mine"})
+    a, b = tmp_path / "a", tmp_path / "b"
+    table, notes = compare(side("td3", a), side("sac", a))
+    assert table.frame["algorithm"].unique().tolist() == ["TD3 / SAC"] and len(table.frame) == 6
+    assert table.frame["labels"].tolist() == ["aan", "bptsan"] * 3
+    (note,) = [note for note in notes if "configurations differ" in note]
+    assert "algo.alpha" in note or "algo." in note
+    table, _ = compare(side("td3/bptsan", a), side("sac/aan", a))
+    assert table.frame["labels"].tolist() == ["bptsan / aan"] * 3
+    table, _ = compare(side(f"{a}:td3/bptsan", None), side(str(b), None))  # the other side has one label only
+    assert table.frame["labels"].tolist() == ["bptsan / mine"]
+    assert main(["compare", "bptsan", "aan", "--study", str(a)]) == 0
+    assert capsys.readouterr().err.count("note:") == 1
+
+
 @pytest.mark.parametrize("form", ["text", "csv", "latex"])
 def test_compare_says_in_every_format_that_training_was_unequal(tmp_path, capsys, form):
     write_grid(tmp_path / "a", actors=("aan",), seeds=3)

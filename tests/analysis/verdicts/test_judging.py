@@ -205,7 +205,18 @@ def test_under_several_algorithms_a_claim_needs_each_and_one_contradicts(tmp_pat
     assert found["synergy"].verdict is Verdict.NOT_TESTABLE
     assert found["bptsan_over_popsan"].algos == ("td3", "sac")
     p = max(one.pooled.p for one in found["bptsan_over_popsan"].each)
-    assert found["bptsan_over_popsan"].adjusted_p == pytest.approx(5 * p)
+    assert found["bptsan_over_popsan"].adjusted_p == pytest.approx(5 * p, rel=1e-6, abs=0)
+
+
+def test_a_claim_that_one_algorithm_leaves_open_is_open_for_all(tmp_path):
+    write_grid(tmp_path / "s", {"bptsan": 1500.0}, actors=("popsan", "bptsan"), seeds=5, noise=40)
+    write_grid(tmp_path / "s", algos=("sac",), actors=("popsan", "bptsan"), seeds=5, noise=40)
+    judgement = judgement_of(tmp_path / "s", HOPPER)
+    assert by(judgement, "bptsan_over_popsan").verdict is Verdict.SUPPORTED
+    one = next(one for one in judgement.over_algorithms if one.claim.name == "bptsan_over_popsan")
+    assert one.verdict is Verdict.UNDECIDED and one.adjusted_p > 0.05
+    other = next(one for one in judgement.over_algorithms if one.claim.name == "synergy")
+    assert math.isnan(other.adjusted_p)  # not testable
 
 
 def test_one_algorithm_alone_has_no_row_for_all(tmp_path):

@@ -1,0 +1,130 @@
+"""Graded disturbances of a trained policy: of what it observes, of its weights, of its neurons.
+
+The first four are BDETT's (Ding et al., "Biologically Inspired Dynamic Thresholds for Spiking Neural Networks", NeurIPS
+2022), at its severity, half and double of it. Every disturbance draws from streams of its own, the same numbers at each
+severity, so that a larger one is the smaller one scaled (of shares: contains it). Severity 0 changes nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import gymnasium
+import mujoco
+import numpy as np
+import torch
+from torch import Tensor
+
+from src.actors.actor import Actor
+from src.config import ConfigurationError
+from src.policies.trace import is_perceptron, is_spiking, weighted_layers
+from src.streams import Streams
+
+#: A bias at which no neuron fires and no ReLU opens.
+SILENT = -1e6
+
+
+class Joints(NamedTuple):
+    """Places of the actuated joints in an observation: of their positions and of their velocities."""
+
+    positions: list[int]
+    velocities: list[int]
+
+
+def joints_of(environment: gymnasium.Env) -> Joints:
+    """Read off the MuJoCo model: Gymnasium's tasks observe positions without those of the plane, then velocities.
+
+    Raises:
+        ConfigurationError: the observation of this task is laid out differently.
+    """
+    task: Any = environment.unwrapped
+    model, data = task.model, task.data
+    observation = np.asarray(environment.reset(seed=0)[0])
+    hidden = 2 if model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE else 1
+    positions, actuated = model.nq - hidden, model.nu
+    whole = np.concatenate([data.qpos[hidden:], np.clip(data.qvel, -10, 10)])
+    if len(observation) < len(whole) or not np.allclose(observation[: len(whole)], whole):
+        raise ConfigurationError(
+            f"{environment.spec.id if environment.spec else task}: does not observe joint positions and then "
+            "velocities, so no joint can be disturbed."
+        )
+    end = positions + model.nv
+    return Joints(list(range(positions - actuated, positions)), list(range(end - actuated, end)))
+
+
+class DisturbedObservation(gymnasium.ObservationWrapper):
+    """An environment whose observations go through a function, ``[N] -> [N]``."""
+
+    def __init__(self, environment: gymnasium.Env, disturb: Callable[[np.ndarray], np.ndarray]) -> None:
+        super().__init__(environment)
+        self._disturb = disturb
+
+    def observation(self, observation: Any) -> Any:
+        """``[N] -> [N]``."""
+        return self._disturb(np.asarray(observation))
+
+
+def noisy(generator: np.random.Generator, severity: float) -> Callable[[np.ndarray], np.ndarray]:
+    """Observation + N(0, severity)."""
+    return lambda observation: observation + severity * generator.standard_normal(len(observation))
+
+
+def replaced(generator: np.random.Generator, places: list[int], severity: float) -> Callable[[np.ndarray], np.ndarray]:
+    """One of the places, drawn once for the episode, is N(0, severity) at every step."""
+    place = places[int(generator.integers(len(places)))]
+
+    def disturb(observation: np.ndarray) -> np.ndarray:
+        observation = observation.copy()
+        observation[place] = severity * generator.standard_normal()
+        return observation
+
+    return disturb
+
+
+@torch.no_grad()
+def add_weight_noise(actor: Actor, streams: Streams, severity: float) -> None:
+    """Every weight + N(0, severity); biases and the encoder stay."""
+    for name, weight, _ in weighted_layers(actor):
+        noise = torch.randn(weight.shape, generator=streams.torch("weight noise", name))
+        weight.add_(noise, alpha=severity)
+
+
+@torch.no_grad()
+def zero_synapses(actor: Actor, streams: Streams, severity: float) -> None:
+    """Set a share ``severity`` of the weights of each layer to 0."""
+    for name, weight, _ in weighted_layers(actor):
+        weight[torch.rand(weight.shape, generator=streams.torch("zeroed synapses", name)) < severity] = 0.0
+
+
+@torch.no_grad()
+def round_weights(actor: Actor, bits: int) -> None:
+    """Weights and bias of each layer in ``2^bits - 1`` steps from 0 to the largest magnitude, both signs alike.
+
+    8 bits are ``round(w 255 / max|w, b|)``, the rounding of the PopSAN authors' port to Loihi, whose weights have
+    8 bits besides their sign.
+    """
+    steps = 2**bits - 1
+    for _, weight, bias in weighted_layers(actor):
+        parts: list[Tensor] = [weight] if bias is None else [weight, bias]
+        largest = max(float(part.abs().max()) for part in parts)
+        if largest > 0:
+            for part in parts:
+                part.copy_(torch.round(part * (steps / largest)) * (largest / steps))
+
+
+@torch.no_grad()
+def silence_neurons(actor: Actor, streams: Streams, severity: float) -> None:
+    """A share ``severity`` of the neurons of each hidden layer never fires (a ReLU unit is 0).
+
+    Raises:
+        ConfigurationError: of this actor's neurons nothing is known.
+    """
+    if not (is_spiking(actor) or is_perceptron(actor)):
+        raise ConfigurationError(f"{type(actor).__name__}: nothing is known of its neurons.")
+    hidden = [layer for layer in weighted_layers(actor) if layer.bias is not None]
+    hidden = hidden[: -2 if is_spiking(actor) else -1]  # without output population and decoder, or the linear output
+    for name, _, bias in hidden:
+        assert bias is not None
+        dead = torch.rand(bias.shape[-1], generator=streams.torch("dead neurons", name)) < severity
+        bias[..., dead] = SILENT

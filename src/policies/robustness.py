@@ -1,0 +1,164 @@
+"""``robustness.csv``: a trained policy played under graded disturbances (:mod:`src.policies.disturbances`)."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import gymnasium
+
+from src.actors.build import build_actor
+from src.algorithms.policy import DeterministicPolicy
+from src.config import ConfigurationError, SpikingActorConfig
+from src.experiment.files import replace_file
+from src.policies import disturbances
+from src.policies.disturbances import DisturbedObservation, Joints
+from src.policies.load import FRESH, load_policy
+from src.policies.trace import is_perceptron, is_spiking, weighted_layers
+from src.streams import Streams
+from src.training.evaluation import Evaluator, Wrap
+from src.training.gym_task import make_gym
+from src.training.policy_file import TrainedPolicy
+
+ROBUSTNESS_FILE = "robustness.csv"
+COLUMNS = ("policy", "disturbance", "severity", "episode", "return", "length")
+NONE = "none"
+#: BDETT's severity in the middle, half and double beside it; what BDETT does not have follows.
+SEVERITIES: dict[str, tuple[float, ...]] = {
+    "observation noise": (0.05, 0.1, 0.2),  # standard deviation
+    "joint position": (0.05, 0.1, 0.2),  # standard deviation
+    "joint velocity": (5.0, 10.0, 20.0),  # standard deviation
+    "weight noise": (0.025, 0.05, 0.1),  # standard deviation
+    "zeroed synapses": (0.15, 0.3, 0.6),  # share of each layer
+    "weight bits": (8.0, 4.0),
+    "dead neurons": (0.1, 0.2, 0.4),  # share of each hidden layer
+}
+TIME_STEPS = "time steps"  # severity: how many more, or fewer, than the policy was trained with
+
+
+class Condition(NamedTuple):
+    """One disturbance at one severity."""
+
+    disturbance: str
+    severity: float
+
+
+class Played(NamedTuple):
+    """The episodes under a condition: ``(return, length)`` each."""
+
+    condition: Condition
+    episodes: list[tuple[float, int]]
+
+
+def conditions(trained: TrainedPolicy) -> list[Condition]:
+    """The undisturbed policy first, then every disturbance that this actor can have."""
+    actor, config = trained.policy.actor, trained.config.actor
+    found = [Condition(NONE, 0.0)]
+    for disturbance, severities in SEVERITIES.items():
+        if disturbance == "dead neurons" and not (is_spiking(actor) or is_perceptron(actor)):
+            continue
+        if disturbance in ("weight noise", "zeroed synapses", "weight bits") and not weighted_layers(actor):
+            continue
+        found += [Condition(disturbance, severity) for severity in severities]
+    if isinstance(config, SpikingActorConfig):
+        trained_with = config.time_steps
+        others = sorted({max(1, trained_with // 2), max(1, trained_with - 1), 2 * trained_with} - {trained_with})
+        found += [Condition(TIME_STEPS, float(steps - trained_with)) for steps in others]
+    return found
+
+
+def play(path: Path, episodes: int, seed: int) -> Iterator[Played]:
+    """Play the policy under every condition, in the episodes of ``python -m src.evaluate RUN --seed SEED``."""
+    for condition in conditions(load_policy(path)):
+        yield play_condition(path, condition, episodes, seed)
+
+
+def play_condition(path: Path, condition: Condition, episodes: int, seed: int) -> Played:
+    """Play the policy under one condition; at severity 0 this is the plain evaluation.
+
+    Raises:
+        ConfigurationError: no such disturbance, or this actor or task can't have it.
+    """
+    trained = load_policy(path)  # a fresh copy: some conditions change its weights
+    config = replace(trained.config, protocol=replace(trained.config.protocol, evaluation_episodes=episodes))
+    wrap = _disturb(trained, condition, Streams(seed)) if condition.severity else None
+    evaluator = Evaluator(config, Streams(seed), wrap)
+    try:
+        return Played(condition, evaluator.evaluate(trained.act, FRESH))
+    finally:
+        evaluator.close()
+
+
+def write(folder: Path, policy: str, played: list[Played]) -> Path:
+    """Replace ``robustness.csv`` of a run directory."""
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for (disturbance, severity), episodes in played:
+        writer.writerows(
+            (policy, disturbance, f"{severity:g}", number, episode_return, length)
+            for number, (episode_return, length) in enumerate(episodes)
+        )
+    path = folder / ROBUSTNESS_FILE
+    replace_file(path, buffer.getvalue().encode())
+    return path
+
+
+def _disturb(trained: TrainedPolicy, condition: Condition, streams: Streams) -> Wrap | None:
+    """Change the policy, or give the wrapper of its environments. Runs of different seeds draw differently."""
+    kind, severity = condition
+    draws = Streams(streams.integer("robustness", trained.config.seed))
+    actor = trained.policy.actor
+    if kind == "observation noise":
+        return _wrapper(draws, kind, lambda generator: disturbances.noisy(generator, severity))
+    if kind in ("joint position", "joint velocity"):
+        joints = _joints(trained)
+        places = joints.positions if kind == "joint position" else joints.velocities
+        return _wrapper(draws, kind, lambda generator: disturbances.replaced(generator, places, severity))
+    if kind == "weight noise":
+        disturbances.add_weight_noise(actor, draws, severity)
+    elif kind == "zeroed synapses":
+        disturbances.zero_synapses(actor, draws, severity)
+    elif kind == "weight bits":
+        disturbances.round_weights(actor, int(severity))
+    elif kind == "dead neurons":
+        disturbances.silence_neurons(actor, draws, severity)
+    elif kind == TIME_STEPS:
+        _change_time_steps(trained, int(severity))
+    else:
+        raise ConfigurationError(f"there is no disturbance {kind!r}")
+    return None
+
+
+def _wrapper(
+    draws: Streams, kind: str, make: Callable[..., Callable[..., object]]
+) -> Callable[[gymnasium.Env, int], gymnasium.Env]:
+    def wrap(environment: gymnasium.Env, episode: int) -> gymnasium.Env:
+        return DisturbedObservation(environment, make(draws.numpy(kind, episode)))  # type: ignore[arg-type]
+
+    return wrap
+
+
+def _joints(trained: TrainedPolicy) -> Joints:
+    environment = make_gym(trained.config.env)
+    try:
+        return disturbances.joints_of(environment)
+    finally:
+        environment.close()
+
+
+def _change_time_steps(trained: TrainedPolicy, difference: int) -> None:
+    """The same weights in an actor of another T."""
+    config = trained.config
+    if not isinstance(config.actor, SpikingActorConfig):
+        raise ConfigurationError(f"{config.actor.name}: has no time steps.")
+    changed = replace(config, actor=replace(config.actor, time_steps=config.actor.time_steps + difference))
+    weights = trained.policy.actor.state_dict()
+    sizes = trained.normalizer.size, len(weights["decoder.bias"])
+    actor = build_actor(changed, *sizes, Streams(config.seed))
+    actor.load_state_dict(weights)
+    trained.policy = DeterministicPolicy(actor.eval(), trained.policy.action_limit)
