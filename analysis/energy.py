@@ -1,4 +1,4 @@
-"""What counted operations are worth: ratios to the artificial network, and energy at named constants (METHOD, 8).
+"""What counted operations are worth: ratios to the artificial network, and energy at named constants (docs/report.md).
 
 A run's ``operations.json`` counts, for every actor alike, the multiply-accumulates (MACs) and accumulates (ACs) of its
 trained policy with sparsity taken into account. Which actor is cheaper depends on what a MAC costs beside an AC, so the

@@ -183,7 +183,7 @@ def _row(judged: Judged) -> dict[str, Any]:
 
 
 def _with_carried(judged: Judged) -> pd.DataFrame:
-    """The evaluations; of a diverged run also its last one, repeated at all later steps (METHOD: it counts)."""
+    """The evaluations; of a diverged run also its last one, repeated at all later steps (it counts)."""
     table = judged.evaluations.assign(counts_as=judged.outcome.value, carried=False)
     if judged.outcome != Outcome.DIVERGED:
         return table

@@ -1,4 +1,4 @@
-"""The verdicts on a study's claims, by METHOD's verdict rule, version 2 (``docs/report.md`` says it in full).
+"""The verdicts on a study's claims, by the verdict rule, version 2 (``docs/report.md`` says it in full).
 
 ``judge(study, cells, claims)`` gives a :class:`Judgement`, frozen through and through::
 

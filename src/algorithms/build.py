@@ -63,7 +63,7 @@ def build_learner(
 
 
 def acting(config: ExperimentConfig, actor: Actor) -> Callable[[Tensor, torch.Generator], Tensor]:
-    """The actor's output ``[B, M]`` for ``[B, N]`` without gradient, on the backend that a run of this configuration has.
+    """The actor's output ``[B, M]`` for ``[B, N]`` without gradient, on the backend of a run of this configuration.
 
     By the parameters as they are now: ask again after changing one.
     """

@@ -12,7 +12,7 @@ from src.streams import Streams
 
 
 class TwinCritic(nn.Module):
-    """Q1 and Q2, MLPs ``[o, a] -> hidden -> 1`` with ReLU (METHOD section 3).
+    """Q1 and Q2, MLPs ``[o, a] -> hidden -> 1`` with ReLU [SU].
 
     Args:
         observation_size: N.

@@ -51,7 +51,7 @@ class BurstRecord:
         return tuple(torch.stack(parts, dim=-2) for parts in zip(*self._samples))
 
     def add_health(self, health: ActorHealth, gradients_per_layer: Sequence[Sequence[Tensor]]) -> None:
-        """Note firing rates, window shares and gradient norms per spiking layer (METHOD: the hazard of saturation).
+        """Note firing rates, window shares and gradient norms per spiking layer (spiking actors fail by saturation).
 
         Args:
             health: of one pass of the actor.

@@ -1,4 +1,4 @@
-"""Policy heads: what an algorithm adds to an actor's raw output (METHOD section 1).
+"""Policy heads: what an algorithm adds to an actor's raw output.
 
 TD3 squashes it: ``a = tanh(raw) * limit``. SAC takes it as the mean of a tanh-Gaussian.
 """

@@ -18,12 +18,9 @@ import os
 import platform
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import torch
-from llvmlite import ir
-from numba import types
-from numba.extending import get_cython_function_address, intrinsic
 
 Choice = Literal["auto", "mkl", "openblas"]
 #: Environment variables that make OpenBLAS take another kernel than the processor's own.
@@ -104,6 +101,8 @@ def _name() -> str:
 def address(name: str) -> int | None:
     """Where the product of a library (``mkl`` or ``openblas``) lies; None where it is not here."""
     if name == "openblas":
+        from numba.extending import get_cython_function_address  # a run on the plain path needs no Numba
+
         return int(get_cython_function_address("scipy.linalg.cython_blas", "sgemm"))
     path = Path(torch.__file__).parent / "lib" / "libtorch_cpu.so"
     if torch.backends.mkl.is_available() and path.exists():
@@ -130,33 +129,6 @@ def _describe(name: str) -> Library:
     from threadpoolctl import threadpool_info  # it finds the library only once SciPy has loaded it
 
     for found in threadpool_info():
-        if found["user_api"] == "blas" and "scipy" in Path(found["filepath"]).parent.name:
+        if found["user_api"] == "blas" and any("scipy" in part.lower() for part in Path(found["filepath"]).parts[-4:]):
             return Library(found["internal_api"], found["version"], found.get("architecture"))
-    return Library("openblas", None, None)
-
-
-@intrinsic
-def call_sgemm(typing_context, address, flags, sizes, factors, a, b, c):  # type: ignore[no-untyped-def]
-    """``C = alpha op(A) op(B) + beta C`` of the function at ``address``, column by column.
-
-    ``flags`` holds transa and transb (uint8), ``sizes`` m, n, k, lda, ldb, ldc (int64), ``factors`` alpha and beta
-    (float32); a, b, c are addresses. (Cached kernels hold this code: other arguments need another name.)
-    """
-    signature = types.void(address, flags, sizes, factors, a, b, c)
-    return signature, _generate_call
-
-
-def _generate_call(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    function, _, _, _, a, b, c = arguments
-    word = ir.IntType(64)
-
-    def item(position: int, index: int) -> Any:
-        array = context.make_array(signature.args[position])(context, builder, arguments[position])
-        return builder.ptrtoint(builder.gep(array.data, [ir.Constant(word, index)]), word)
-
-    m, n, k, lda, ldb, ldc = (item(2, index) for index in range(6))
-    transa, transb, alpha, beta = item(1, 0), item(1, 1), item(3, 0), item(3, 1)
-    kind = ir.FunctionType(ir.VoidType(), [word] * 13)
-    pointer = builder.inttoptr(function, kind.as_pointer())
-    builder.call(pointer, [transa, transb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc])
-    return context.get_dummy_value()
+    return Library("unknown", None, None)  # SciPy's, which threadpoolctl does not know (Apple's Accelerate)

@@ -5,10 +5,12 @@ Without this the first processes to need a kernel compile it themselves, each fo
 
 from __future__ import annotations
 
+import shutil
 import time
+from pathlib import Path
 
 from src.engine import coding, mlp_kernels, spiking_kernels, tanh_gaussian  # noqa: F401  they define the kernels
-from src.engine.jit import KERNELS
+from src.engine.jit import KERNELS, cache_folder
 
 
 def main() -> None:
@@ -16,7 +18,15 @@ def main() -> None:
     started = time.perf_counter()
     for kernel in KERNELS.values():
         kernel.compile()
+    _forget_older_versions()
     print(f"{len(KERNELS)} kernels compiled in {time.perf_counter() - started:.0f} s")
+
+
+def _forget_older_versions() -> None:
+    """Delete the machine code of other versions of the sources, where the cache is this checkout's own."""
+    for folder in (Path(__file__).parent / "__pycache__").glob("kernels-*"):
+        if folder != cache_folder():
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 if __name__ == "__main__":

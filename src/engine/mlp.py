@@ -13,7 +13,7 @@ from src.actors.health import NOTHING_SPIKES, ActorHealth
 from src.actors.mlp import EnsembleMLP
 from src.actors.mlp_actor import MLPActor
 from src.engine import blas, mlp_kernels
-from src.engine.bound import Pull
+from src.engine.bound import NotCopyable, Pull
 from src.engine.records import MLP_LAYER
 
 
@@ -27,7 +27,7 @@ class Kept(NamedTuple):
         return Kept([h[..., -rows:, :].contiguous() for h in self.hidden])
 
 
-class BoundMLP:
+class BoundMLP(NotCopyable):
     """Networks one behind the other, bound as one.
 
     Args:
@@ -116,7 +116,7 @@ class BoundMLP:
         return x.contiguous()
 
 
-class BoundMLPActor:
+class BoundMLPActor(NotCopyable):
     """The AAN bound to the kernels, trunk and head as one network.
 
     Args:

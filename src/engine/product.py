@@ -1,12 +1,42 @@
-"""The matrix product of the selected BLAS (:mod:`src.engine.blas`), inside kernels."""
+"""The matrix product inside kernels, by the function of a BLAS library at an address (:mod:`src.engine.blas`)."""
 
 from __future__ import annotations
 
-import numpy as np
-from numba import int64
+from typing import Any
 
-from src.engine.blas import call_sgemm
+import numpy as np
+from llvmlite import ir
+from numba import int64, types
+from numba.extending import intrinsic
+
 from src.engine.jit import inner
+
+
+@intrinsic
+def call_sgemm(typing_context, address, flags, sizes, factors, a, b, c):  # type: ignore[no-untyped-def]
+    """``C = alpha op(A) op(B) + beta C`` of the function at ``address``, column by column.
+
+    ``flags`` holds transa and transb (uint8), ``sizes`` m, n, k, lda, ldb, ldc (int64), ``factors`` alpha and beta
+    (float32); a, b, c are addresses.
+    """
+    signature = types.void(address, flags, sizes, factors, a, b, c)
+    return signature, _generate_call
+
+
+def _generate_call(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    function, _, _, _, a, b, c = arguments
+    word = ir.IntType(64)
+
+    def item(position: int, index: int) -> Any:
+        array = context.make_array(signature.args[position])(context, builder, arguments[position])
+        return builder.ptrtoint(builder.gep(array.data, [ir.Constant(word, index)]), word)
+
+    m, n, k, lda, ldb, ldc = (item(2, index) for index in range(6))
+    transa, transb, alpha, beta = item(1, 0), item(1, 1), item(3, 0), item(3, 1)
+    kind = ir.FunctionType(ir.VoidType(), [word] * 13)
+    pointer = builder.inttoptr(function, kind.as_pointer())
+    builder.call(pointer, [transa, transb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc])
+    return context.get_dummy_value()
 
 
 @inner

@@ -16,7 +16,7 @@ from src.actors.philox import draw_key
 from src.actors.spike_coding import coding_gradient
 from src.actors.spiking_actor import SpikingActor
 from src.engine import blas, coding, spiking_kernels
-from src.engine.bound import Pull
+from src.engine.bound import NotCopyable, Pull
 from src.engine.jit import FLOAT, LINE
 from src.engine.records import (
     NEURON,
@@ -26,8 +26,10 @@ from src.engine.records import (
     SPIKING_TRACE,
 )
 
+WORKSPACES = 6  # sizes of passes whose buffers are kept: those of updates, of acting, and a few of an evaluation
 
-class BoundSpikingActor:
+
+class BoundSpikingActor(NotCopyable):
     """The passes of one actor whose parameters stay where they are.
 
     Args:
@@ -56,7 +58,8 @@ class BoundSpikingActor:
         encoder = actor.encoder
         coefficients = coding_gradient(encoder.coding, encoder.time_steps, encoder.threshold)
         self._coding_gradient = np.array([coefficients], np.float32)
-        self._workspaces: dict[tuple[int, int, bool], Workspace] = {}
+        self._workspaces: dict[tuple[int, int, bool, bool], Workspace] = {}
+        self._refreshed = -1
 
     def _layer_records(self) -> np.ndarray:
         records = np.zeros(len(self._spiking_layers), SPIKING_LAYER)
@@ -87,12 +90,19 @@ class BoundSpikingActor:
     def refresh(self) -> None:
         """Expand the branch weights for acting; to be called when the parameters have changed."""
         self._copy_shared_lateral()
+        self._refreshed = self._versions()
         if self._kept_alive:
             spiking_kernels.expand_all(self._layers, self._expansions)
+
+    def _versions(self) -> int:
+        """Moves when a weight is changed in place by PyTorch (a loaded state, an edit), not by the engine's steps."""
+        return sum(layer.synapse.weight._version for layer in self._spiking_layers)
 
     @torch.no_grad()
     def act(self, observation: Tensor, generator: torch.Generator | None) -> Tensor:
         """Raw actions ``[B, M]`` for ``[B, N]`` by the parameters as they were at the last :meth:`refresh`."""
+        if self._versions() != self._refreshed:  # somebody has changed a weight by hand
+            self.refresh()
         workspace = self._forward(self._acting_layers, observation.unsqueeze(0), generator, keep=False)
         return self._decode(workspace)[0]
 
@@ -124,12 +134,12 @@ class BoundSpikingActor:
     ) -> Workspace:
         encoder = self._actor.encoder
         groups, samples, inputs = observation.shape
-        workspace = self._workspaces.get((groups, samples, keep))
-        if workspace is None:
-            workspace = Workspace(self._actor, self._layers, groups, samples, keep)
-            self._workspaces[groups, samples, keep] = workspace
-        if observation.shape[2] != encoder.mean.shape[0]:
-            raise ValueError(f"observations have {inputs} columns, the encoder takes {encoder.mean.shape[0]}")
+        if inputs != encoder.mean.shape[0] or observation.dtype != torch.float32:
+            raise ValueError(
+                f"observations have {inputs} columns of {observation.dtype}, the encoder takes {encoder.mean.shape[0]} "
+                "of torch.float32"
+            )
+        workspace = self._workspace(layers, groups, samples, keep)
         observation = observation.contiguous()
         fields = (encoder.mean.data_ptr(), encoder.std.data_ptr())
         strength, count = workspace.strength, samples * encoder.size
@@ -151,6 +161,17 @@ class BoundSpikingActor:
                 coding.deterministic_spikes(steps, count, source, np.float32(encoder.threshold), target)
         workspace.passes["sgemm"] = blas.sgemm_address()
         spiking_kernels.network_forward(workspace.passes, layers, workspace.traces, self._neurons, self._offsets)
+        return workspace
+
+    def _workspace(self, layers: np.ndarray, groups: int, samples: int, keep: bool) -> Workspace:
+        """Buffers for these sizes, the last used of them kept; evaluations act for ever fewer episodes."""
+        key = (groups, samples, keep, layers is self._acting_layers)  # acting has its branch weights at hand
+        workspace = self._workspaces.pop(key, None)
+        if workspace is None:
+            if len(self._workspaces) >= WORKSPACES:
+                del self._workspaces[next(iter(self._workspaces))]
+            workspace = Workspace(self._actor, layers, groups, samples, keep)
+        self._workspaces[key] = workspace
         return workspace
 
     def _decode(self, workspace: Workspace) -> Tensor:
@@ -245,7 +266,7 @@ def _lay_out(layers: np.ndarray, groups: int, samples: int, steps: int, keep: bo
     for row, layer in zip(offsets, layers):
         neurons = int(steps * samples * layer["neurons"])
         dendritic = int(layer["branches"] > 1)
-        expanded = dendritic * int(layer["branches"] * layer["neurons"] * layer["inputs"])
+        expanded = int(layer["expanded"] == 0) * int(layer["branches"] * layer["neurons"] * layer["inputs"])
         kept = neurons if keep else 0
         sizes = (groups * neurons * FLOAT, kept * FLOAT, dendritic * kept, expanded * FLOAT)
         for column, size in enumerate(sizes):

@@ -2,8 +2,8 @@
 
 A hash covers what changes the numbers of a run. Left out are logging, paths, names of studies, labels and protocols,
 what happens to an existing directory, how often checkpoints are taken, and ``total_steps`` (a longer run begins with
-the shorter one). Left out too is ``encoder.name``: ``encoder=task`` and ``encoder=poisson`` are the same run where the
-task's coding is poisson.
+the shorter one); and ``blas``, which moves last bits as another machine does: the manifest says it. Left out too is
+``encoder.name``: ``encoder=task`` and ``encoder=poisson`` are the same run where the task's coding is poisson.
 """
 
 from __future__ import annotations

@@ -157,6 +157,7 @@ def _resumed(directory: RunDirectory, fresh: Manifest, found: NextAction) -> Man
         action_size=old.action_size,
         parameters=old.parameters,
         blas=old.blas,
+        backend=old.backend,
         started=old.started,
         wall_time_seconds=old.wall_time_seconds,
         times_resumed=old.times_resumed + 1,

@@ -21,7 +21,7 @@ from src.experiment.state import ExitCode
 
 _PR_SET_PDEATHSIG = 1
 _WATCH_SECONDS = 1.0
-VARIABLES = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+VARIABLES = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 #: Threads that spin while they wait for each other bring a run on a busy machine to a standstill (docs/machines.md).
 #: OpenMP's can wait passively; OpenBLAS' own can't, so it gets one.
 PASSIVE_WAITING = {

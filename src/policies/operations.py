@@ -1,4 +1,4 @@
-"""Operations of one decision, counted as NeuroBench does, alike for every actor (METHOD section 8).
+"""Operations of one decision, counted as NeuroBench does, alike for every actor.
 
 Over the decisions of evaluation episodes played by a trained policy:
 

@@ -1,4 +1,4 @@
-"""Running normalisation of observations (METHOD, section 2).
+"""Running normalisation of observations (docs/deviations.md).
 
 Mean and population variance of all raw observations so far, merged block by block in float64 [Chan, Golub and LeVeque,
 1979]: for a block of n observations with mean m and sum of squared deviations S, and d = m - mean,

@@ -1,4 +1,4 @@
-"""The training loop (METHOD sections 3 and 4) and everything that a resume must bring back (DESIGN section 4).
+"""The training loop and everything that a resume must bring back (docs/faults.md).
 
 collect 50 steps -> store -> normaliser -> 50 updates -> evaluate, log, checkpoint where due.
 """
@@ -51,21 +51,27 @@ def train(
     set_numerics(config.threads)
     if config.device.startswith("cuda") and not torch.cuda.is_available():
         raise ConfigurationError(f"device: {config.device} is asked for and PyTorch finds no CUDA GPU; use cpu.")
-    select_blas(config, run, progress)
-    return TrainingSession(config, run, progress).loop(stop_requested)
+    session = TrainingSession(config, run, progress)
+    select_blas(config, run, progress, session.learner.backend)
+    return session.loop(stop_requested)
 
 
-def select_blas(config: ExperimentConfig, run: RunDirectory, progress: Progress) -> None:
+def select_blas(config: ExperimentConfig, run: RunDirectory, progress: Progress, backend: str) -> None:
     """Choose the library of the matrix products, record it, and note where a resume finds another one.
+
+    On the plain backend the products are PyTorch's own.
 
     Raises:
         ConfigurationError: the library that the configuration asks for is not here.
     """
     recorded = run.manifest.blas
-    try:
-        library = blas.select(config.blas, recorded.get("library"))
-    except blas.BLASUnavailableError as error:
-        raise ConfigurationError(str(error)) from None
+    if backend == "plain":
+        library = blas.Library("torch", torch.__version__, None)
+    else:
+        try:
+            library = blas.select(config.blas, recorded.get("library"))
+        except blas.BLASUnavailableError as error:
+            raise ConfigurationError(str(error)) from None
     found = {"library": library.name, "version": library.version, "architecture": library.architecture}
     notes = list(run.manifest.notes)
     if recorded and recorded != found:
@@ -73,7 +79,7 @@ def select_blas(config: ExperimentConfig, run: RunDirectory, progress: Progress)
         changes = ", ".join(f"{name} {recorded.get(name)} -> {found[name]}" for name in names)
         notes.append(f"resumed with another BLAS ({changes}): the numbers differ in their last bits from here on")
         progress.note(notes[-1])
-    if held := blas.held_back():
+    if backend == "fast" and (held := blas.held_back()):
         progress.note(held)
     run.update_manifest(blas=found, notes=notes)
 
@@ -94,6 +100,11 @@ class TrainingSession:
         self.sizes = (self.environment.observation_size, self.environment.action_size)
         self.action_limit = self.environment.action_limit
         self.learner = build_learner(config, *self.sizes, self.action_limit, self.streams)
+        if run.manifest.backend not in (None, self.learner.backend):
+            raise ConfigurationError(
+                f"backend: this run was trained on {run.manifest.backend} and would go on with {self.learner.backend}, "
+                f"whose checkpoints are other ones; use backend={run.manifest.backend}, or on_conflict=replace."
+            )
         self.normalizer = Normalizer(self.sizes[0], config.normalization_clip, config.normalize_observations)
         self.random_actions = self.streams.torch("random actions")
         self.replay = make_replay(

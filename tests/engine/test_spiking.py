@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
+
 import pytest
 import torch
 
@@ -91,19 +94,40 @@ def test_grouping_passes_moves_no_number(name, encoder):
     torch.testing.assert_close(flat.gradient, gradient, rtol=1e-4, atol=1e-6)
 
 
-def test_acting_goes_by_the_parameters_of_the_last_refresh():
-    built = exact(actor("bptsan"))
-    bound, _ = bind(built)
+@pytest.mark.parametrize("how", ["step", "edit", "load"])
+def test_acting_follows_the_parameters(how):
+    """Branch weights are expanded once per burst: half of a policy would be an old one."""
+    built, other = exact(actor("bptsan")), exact(actor("bptsan"))
+    bound, flat = bind(built)
     observation = torch.randn(4, OBSERVATION_SIZE)
     bound.refresh()
-    before = bound.act(observation, None)
+    before = bound.act(observation, None).clone()
     with torch.no_grad():
-        built.layers[0].synapse.weight.mul_(-1)
-    assert torch.equal(bound.act(observation, None), before)  # branch weights are expanded once per burst
-    bound.refresh()
-    with torch.no_grad():
+        if how == "step":  # the engine's own optimizer writes to the flat tensor and says so
+            flat.values.mul_(-1)
+            bound.refresh()
+        elif how == "edit":
+            built.layers[0].synapse.weight.mul_(-1)
+        else:
+            for parameter in other.parameters():
+                parameter.mul_(-1)
+            built.load_state_dict(other.state_dict())
         assert torch.equal(bound.act(observation, None), built(observation))
     assert not torch.equal(bound.act(observation, None), before)
+
+
+def test_a_copy_would_hold_the_addresses_of_the_original():
+    bound, _ = bind(actor("bptsan"))
+    for duplicate in (copy.deepcopy, pickle.dumps):
+        with pytest.raises(TypeError, match="build another learner"):
+            duplicate(bound)
+
+
+def test_buffers_are_bounded_however_many_sizes_come():
+    bound, _ = bind(actor("popsan"))
+    for samples in range(1, 60):
+        bound.act(torch.zeros(samples, OBSERVATION_SIZE), None)
+    assert len(bound._workspaces) <= 6
 
 
 def test_passes_of_other_sizes_do_not_disturb_each_other():
@@ -133,8 +157,10 @@ def test_strided_observations_and_gradients_are_read_as_they_are():
 
 def test_what_would_read_beyond_an_array_is_refused():
     bound, _ = bind(actor("bptsan"))
-    with pytest.raises(ValueError, match="12 columns, the encoder takes 11"):
+    with pytest.raises(ValueError, match=r"12 columns of torch\.float32, the encoder takes 11"):
         bound.raw(torch.zeros(1, 2, 12), None)
+    with pytest.raises(ValueError, match=r"torch.float64"):
+        bound.act(torch.zeros(2, OBSERVATION_SIZE).double(), None)
     _, _, pull = bound.vjp(torch.zeros(1, 2, OBSERVATION_SIZE), None, False)
     for wrong in (torch.zeros(3, 3), torch.zeros(2, 3).double()):
         with pytest.raises(ValueError, match=r"raw action is \[2, 3\], float32"):

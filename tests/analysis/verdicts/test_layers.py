@@ -1,4 +1,4 @@
-"""If these fail, the verdict rule answers more, less or something else than METHOD's version 2."""
+"""If these fail, the verdict rule answers more, less or something else than version 2."""
 
 from dataclasses import replace
 

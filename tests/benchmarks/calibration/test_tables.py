@@ -40,7 +40,7 @@ def test_write_replaces_the_tables_and_the_file_that_captions_quote(tmp_path, mo
 
 
 def test_the_documents_hold_tables_within_their_level():
-    """METHOD: wrong answers in at most 0.05 of the null studies, plus Monte Carlo error."""
+    """Wrong answers in at most 0.05 of the null studies, plus Monte Carlo error."""
     page = (Path(command.ROOT) / "docs/report.md").read_text()
     tables = page.split(command.BEGIN)[1].split(command.END)[0]
     null = tables.split("All actors equal")[1].split("**A true difference")[0]
