@@ -66,7 +66,7 @@ def test_where_nothing_can_be_tested_one_sentence_names_the_reasons(tmp_path):
         write_run(tmp_path / "s", seed=seed)
     content, tables = statistics(tmp_path / "s")
     caption = tables["verdicts"]["caption"]
-    answer = "Too few seeds to judge: at most 2 finished seeds in an arm of every pair, 5 are needed"
+    answer = "Too few seeds to judge: no claim has more than 2 finished seeds in all of its arms; 5 are needed"
     assert content["overview"]["answer"].startswith(answer)
     assert json.dumps(content).lower().count("too few seeds to judge") == 2  # once said, once the name of a verdict
     assert caption.count("no runs on Walker2d-v4, Ant-v4 (N=111)") == 1
