@@ -118,6 +118,10 @@ def weighted_layers(actor: Actor) -> list[Layer]:
     if is_perceptron(actor):
         assert isinstance(actor, MLPActor)
         return [Layer(f"layer{n}", *parts) for n, parts in enumerate(linear_layers(actor), start=1)]
+    if is_population_perceptron(actor):
+        assert isinstance(actor, PopulationMLPActor)
+        hidden = [Layer(f"layer{n}", *parts) for n, parts in enumerate(_layers_of(actor.hidden), start=1)]
+        return [*hidden, Layer("decoder", actor.decoder.weight, actor.decoder.bias)]
     if not is_spiking(actor):
         linear = [(name, module) for name, module in actor.named_modules() if isinstance(module, nn.Linear)]
         return [Layer(name, module.weight, module.bias) for name, module in linear]
@@ -127,6 +131,8 @@ def weighted_layers(actor: Actor) -> list[Layer]:
         layers.append(Layer(f"layer{number}", layer.synapse.weight, layer.synapse.bias))
         if layer.lateral is not None:
             layers.append(Layer(f"layer{number}.lateral", layer.lateral.weight, None))
+        if layer.output_lateral is not None:
+            layers.append(Layer(f"layer{number}.output_lateral", layer.output_lateral.weight, None))
     return [*layers, Layer("decoder", actor.decoder.weight, actor.decoder.bias)]
 
 
