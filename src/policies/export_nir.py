@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from src.actors.decoder import PopulationDecoder
 from src.actors.lif import LIFConstants
 from src.actors.spiking_actor import SpikingActor
 from src.config import ConfigurationError
@@ -42,11 +43,12 @@ def export_nir(trained: TrainedPolicy, path: Path) -> str:
     except ImportError:
         raise ConfigurationError("the package nir is missing: pip install '.[export]'.") from None
     actor = trained.policy.actor
-    _refuse(trained)
+    refuse(trained)
     assert isinstance(actor, SpikingActor)
     nodes: dict[str, Any] = {"input": nir.Input(input_type={"input": np.array([actor.encoder.size])})}
     for number, layer in enumerate(actor.spiking_layers(), start=1):
         nodes[f"layer{number}_weights"] = nir.Affine(_array(layer.synapse.weight), _array(layer.synapse.bias))
+        assert isinstance(layer.constants, LIFConstants)
         nodes[f"layer{number}"] = nir.CubaLIF(**_neurons(layer.constants, len(layer.synapse.bias)))
     nodes["decoder"] = nir.Affine(_array(_decoder(actor)), _array(actor.decoder.bias))
     actions = len(actor.decoder.bias)
@@ -60,7 +62,8 @@ def export_nir(trained: TrainedPolicy, path: Path) -> str:
     )
 
 
-def _refuse(trained: TrainedPolicy) -> None:
+def refuse(trained: TrainedPolicy) -> None:
+    """Raise ConfigurationError where NIR has no word for a part of the actor, or the input is no spikes."""
     actor = trained.policy.actor
     name = trained.config.actor.name
     if not is_spiking(actor):
@@ -68,10 +71,16 @@ def _refuse(trained: TrainedPolicy) -> None:
             f"{name}: is no population-coded spiking network, which --to nir takes; use --to onnx."
         )
     assert isinstance(actor, SpikingActor)
+    if actor.encoder.coding == "analog":
+        raise ConfigurationError(f"{name}: --to nir takes spikes of an encoder, not analog input; use --to onnx.")
+    if not isinstance(actor.decoder, PopulationDecoder):
+        raise ConfigurationError(f"{name}: --to nir has the readout by firing rates only; use --to onnx.")
     for number, layer in enumerate(actor.spiking_layers(), start=1):
         if layer.synapse.branches > 1:
             raise ConfigurationError(f"{name}: NIR has no dendritic maxout (layer {number}); use --to onnx.")
-        if layer.lateral is not None:
+        if not isinstance(layer.constants, LIFConstants):
+            raise ConfigurationError(f"{name}: NIR has no dynamic neurons (layer {number}); use --to onnx.")
+        if layer.lateral is not None or layer.output_lateral is not None:
             raise ConfigurationError(f"{name}: NIR has no lateral interaction of ours (layer {number}); use --to onnx.")
         if max(layer.constants.current_decay, layer.constants.voltage_decay) >= 1:
             raise ConfigurationError(f"{name}: NIR has no neuron without leak and with current (layer {number}).")

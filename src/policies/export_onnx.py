@@ -52,6 +52,8 @@ class PlainPolicy(nn.Module):
         strength = actor.encoder.strength(x)
         if uniform is not None:
             spikes = (uniform < strength).to(strength.dtype)
+        elif actor.encoder.coding == "analog":
+            spikes = strength.expand(actor.encoder.time_steps, *strength.shape)
         else:
             spikes = deterministic_spikes(strength, actor.encoder.time_steps, actor.encoder.threshold)
         for layer in actor.spiking_layers():

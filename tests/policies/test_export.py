@@ -10,6 +10,8 @@ import torch
 
 from src import export
 from src.actors.spike_coding import poisson_draws
+from src.config import ConfigurationError
+from src.policies.export_nir import refuse
 from src.policies.export_onnx import PlainPolicy
 from src.policies.load import load_policy
 from src.policies.trace import trace
@@ -102,3 +104,13 @@ def test_what_nir_has_no_word_for_is_refused_by_name(
     trained_in = run(tiny(tmp_path, actor=actor))[1]
     assert export.main([str(trained_in), "--to", "nir"]) == 2
     assert part in capsys.readouterr().err and not (trained_in / "policy.nir").exists()
+
+
+@pytest.mark.parametrize("actor", ["popdan", "mdcsan", "ilcsan"])
+def test_the_actors_of_other_papers_are_carried_or_refused(actor: str, tmp_path: Path) -> None:
+    trained = load_policy(run(tiny(tmp_path, actor=actor, env="halfcheetah"))[1] / "policy.pt")
+    batch = torch.randn(20, trained.normalizer.size)
+    expected = trained.act(batch, torch.Generator())
+    torch.testing.assert_close(PlainPolicy(trained)(batch), expected, rtol=0, atol=1e-6)
+    with pytest.raises(ConfigurationError, match=f"{actor}: .*use --to onnx"):
+        refuse(trained)
