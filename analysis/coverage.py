@@ -32,7 +32,7 @@ def coverage(*names: str) -> str:
 
 def covers(*names: str) -> str:
     """The sentence for the caption of these intervals."""
-    return f"Simulated, it covers the truth {coverage(*names)}."
+    return f"Simulated, such an interval covers the truth {coverage(*names)}."
 
 
 def few_seeds() -> str:

@@ -24,6 +24,9 @@ VERDICTS = {
     str(Verdict.SUPPORTED): {"mark": "✓ supported", "tone": "good"},
     str(Verdict.CONTRADICTED): {"mark": "✗ contradicted", "tone": "bad"},
     str(Verdict.UNDECIDED): {"mark": "? undecided", "tone": "plain"},
+    "no relevant difference": {"mark": "≈ no relevant difference", "tone": "plain"},
+    "supported, smaller than relevant": {"mark": "✓ supported, smaller than relevant", "tone": "good"},
+    "contradicted, smaller than relevant": {"mark": "✗ contradicted, smaller than relevant", "tone": "bad"},
     str(Verdict.TOO_FEW_SEEDS): {"mark": "too few seeds", "tone": "plain"},
     str(Verdict.NOT_TESTABLE): {"mark": "not testable", "tone": "plain"},
 }

@@ -9,6 +9,7 @@ from typing import Any
 from analysis.data.names import task_name
 from analysis.tables import pair
 from analysis.verdicts import ClaimResult, Judgement, Stage, TaskResult, Verdict
+from analysis.verdicts.wording import verdict_words
 
 
 @dataclass(frozen=True)
@@ -58,11 +59,9 @@ def _claim(result: ClaimResult, judgement: Judgement) -> ForestRow:
     remark = f"over {over}" if tasks else "no task with comparable finished runs"
     if result.stage is Stage.INTERIM:
         remark += f"; interim, {result.n} of {judgement.rule.planned_seeds} seeds"
-    if result.equal:
-        remark += "; no relevant difference" if not result.verdict.decided else "; smaller than relevant"
     if result.every_task is not None:
         remark += f"; on every task: {result.every_task}"
-    verdict = "" if judgement.too_few_seeds else str(result.verdict)
+    verdict = "" if judgement.too_few_seeds else verdict_words(result)
     return ForestRow(
         True, result.claim.name, str(result.claim.family), result.claim.text, f"n={result.n}", contrast.estimate,
         contrast.low, contrast.high, pair(contrast.estimate, contrast.low, contrast.high, 1), verdict,

@@ -12,6 +12,7 @@ from torch.nn import functional as F
 
 from src.actors.health import Trace
 from src.actors.lateral import LateralInteraction
+from src.actors.lif import LIFConstants
 from src.actors.philox import draw_key, uniform
 from src.actors.population_encoder import LOWEST_EXPONENT, PopulationEncoder
 from src.actors.spiking_actor import SpikingActor
@@ -59,6 +60,7 @@ def encoder_steps(encoder: PopulationEncoder, observation: Tensor, generator: to
 def layer_steps(layer: SpikingLayer, inputs: list[Tensor]) -> tuple[list[Tensor], list[Tensor]]:
     """Spikes and membrane potentials of each step, ``[B, n]``."""
     constants = layer.constants
+    assert isinstance(constants, LIFConstants)
     current = potential = spikes = inputs[0].new_zeros(inputs[0].shape[0], layer.synapse.weight.shape[0])
     all_spikes, potentials = [], []
     for spikes_in in inputs:

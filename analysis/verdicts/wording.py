@@ -130,8 +130,11 @@ def headline(judgement: Judgement) -> str:
         n = max(result.n for result in results)
         if n == 0:
             return "No claim can be tested with these runs."
-        seeds = f"{n} finished seed{'s' * (n != 1)} in an arm"
-        return f"Too few seeds to judge: at most {seeds} of every pair, {TEST_SEEDS} are needed and {planned} planned."
+        seeds = f"{n} finished seed{'s' * (n != 1)}"
+        return (
+            f"Too few seeds to judge: no claim has more than {seeds} in all of its arms; {TEST_SEEDS} are needed and "
+            f"{planned} planned."
+        )
     first = next(family for family in Family if any(r.claim.family is family for r in results))
     chosen: list[tuple[str, str, str]] = []
     for one in judgement.over_algorithms:

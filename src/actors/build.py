@@ -10,8 +10,15 @@ import torch
 from src.actors.actor import Actor
 from src.actors.mlp_actor import MLPActor
 from src.actors.population_encoder import PopulationEncoder
+from src.actors.population_mlp_actor import PopulationMLPActor
 from src.actors.spiking_actor import SpikingActor
-from src.config import ConfigurationError, CustomActorConfig, ExperimentConfig, MLPActorConfig
+from src.config import (
+    ConfigurationError,
+    CustomActorConfig,
+    ExperimentConfig,
+    MLPActorConfig,
+    PopulationMLPActorConfig,
+)
 from src.streams import Streams
 
 #: T of the encoder handed to a custom actor that names no ``time_steps`` among its arguments.
@@ -35,6 +42,8 @@ def build_actor(config: ExperimentConfig, observation_size: int, action_size: in
     """
     if isinstance(config.actor, MLPActorConfig):
         return MLPActor(config.actor, observation_size, action_size, streams)
+    if isinstance(config.actor, PopulationMLPActorConfig):
+        return PopulationMLPActor(config.actor, config.encoder, observation_size, action_size, streams)
     if isinstance(config.actor, CustomActorConfig):
         return _custom_actor(config, config.actor, observation_size, action_size, streams)
     return SpikingActor(config.actor, config.encoder, observation_size, action_size, streams)

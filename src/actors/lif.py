@@ -11,12 +11,14 @@ Surrogate gradient: ``do/dv = 1 where |v - v_th| < w`` (strict), else 0.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
 from torch.nn import functional as F
+
+from src.actors.steps import run_steps
 
 
 class LIFConstants(NamedTuple):
@@ -95,7 +97,11 @@ def lif_step(
 
 
 def lif_layer(
-    x: Tensor, lateral: Tensor | None, offsets: Sequence[int], constants: LIFConstants
+    x: Tensor,
+    lateral: Tensor | None,
+    offsets: Sequence[int],
+    constants: LIFConstants,
+    feedback: Callable[[Tensor], Tensor] | None = None,
 ) -> tuple[Tensor, Tensor]:
     """All T steps of a layer.
 
@@ -104,15 +110,11 @@ def lif_layer(
         lateral: ``w'``, ``[K, n]``, or None.
         offsets: index distance of each of the K neighbours.
         constants: of the neurons.
+        feedback: what the layer's own spikes add to the input of the next step (:mod:`src.actors.output_lateral`).
 
     Returns:
         Spikes and membrane potentials (before the reset), ``[T, B, n]`` each.
     """
     zeros = torch.zeros_like(x[0])
-    state = LIFState(zeros, zeros, zeros)
-    spikes, potentials = [], []
-    for x_tau in x:
-        state = lif_step(x_tau, state, lateral, offsets, constants)
-        spikes.append(state.spikes)
-        potentials.append(state.potential)
-    return torch.stack(spikes), torch.stack(potentials)
+    rest = LIFState(zeros, zeros, zeros)
+    return run_steps(x, rest, lambda x_tau, state: lif_step(x_tau, state, lateral, offsets, constants), feedback)

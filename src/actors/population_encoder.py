@@ -1,6 +1,6 @@
 """Population encoder: Gaussian receptive fields over each observation dimension [P, Population coding].
 
-    A_ij = exp(-(s_i - mu_ij)^2 / (2 sigma_ij^2)),   i = 1..N, j = 1..J
+    A_ij = exp(-(s_i - mu_ij)^2 / (2 sigma_ij^2)),   i = 1..N, j = 1..J       (input_map=tanh: of tanh(s_i))
 
 mu = linspace(-3, 3, J) and sigma = sqrt(0.15), both learnable, a pair for each neuron [PopSAN].
 """
@@ -33,8 +33,9 @@ class PopulationEncoder(nn.Module):
     def __init__(self, config: EncoderConfig, observation_size: int, time_steps: int) -> None:
         super().__init__()
         if config.coding == "none":
-            raise ValueError("A population encoder needs a spike coding: poisson or deterministic.")
+            raise ValueError("A population encoder needs a coding: poisson, deterministic or analog.")
         self.coding: Coding = config.coding
+        self.input_map = config.input_map
         self.time_steps = time_steps
         self.threshold = config.threshold
         self.min_std = config.min_std
@@ -56,6 +57,8 @@ class PopulationEncoder(nn.Module):
         """
         if observation.shape[1:] != self.mean.shape[:1]:
             raise ValueError(f"the encoder takes observations [B, {len(self.mean)}], not {[*observation.shape]}")
+        if self.input_map == "tanh":
+            observation = torch.tanh(observation)
         distance = observation.unsqueeze(-1) - self.mean  # [B, N, J]
         exponent = distance.square() * (-0.5 / self.std.square())
         return torch.exp(exponent).masked_fill(exponent <= LOWEST_EXPONENT, 0.0).flatten(1)

@@ -10,6 +10,8 @@ Poisson: ``spike_tau ~ Bernoulli(A)`` independently per step: 1 where ``u < A``,
 The gradient is straight through: Poisson ``d spike_tau / d A = 1``; deterministic ``d spike_tau / d v'_tau = 1``, not
 detached through the soft reset, so ``d spike_tau / d A = a_tau`` with ``a_1 = 1, a_(tau+1) = (1 - theta) a_tau + 1``.
 Neither depends on data: ``grad_A = sum over tau of a_tau * grad_spike_tau``.
+
+Analog: no spikes; every step receives A itself [MDC-SAN].
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ from torch import Tensor
 
 from src.actors.philox import draw_key, uniform
 
-Coding = Literal["poisson", "deterministic"]
+Coding = Literal["poisson", "deterministic", "analog"]
 
 
 def encode(
@@ -31,17 +33,19 @@ def encode(
 
     Args:
         strength: stimulation strength A, ``[B, n]``, in [0, 1].
-        coding: poisson or deterministic.
+        coding: poisson, deterministic or analog.
         time_steps: T.
         threshold: of the deterministic coding.
         generator: the stream that Poisson coding draws one key from.
 
     Returns:
-        Spikes, ``[T, B, n]``, 0 or 1, of the dtype of ``strength``.
+        Spikes, ``[T, B, n]``, 0 or 1, of the dtype of ``strength``; analog: the strength of every step.
 
     Raises:
         ValueError: Poisson coding without a generator.
     """
+    if coding == "analog":
+        return strength.expand(time_steps, *strength.shape)
     if coding == "poisson":
         spikes = poisson_spikes(strength.detach(), time_steps, generator)
     else:

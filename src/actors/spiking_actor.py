@@ -1,4 +1,4 @@
-"""The spiking actor network: PopSAN, BPT-SAN and its ablations are one class, told apart by configuration.
+"""The spiking actor network: PopSAN, BPT-SAN and its ablations, MDC-SAN and ILC-SAN, told apart by configuration.
 
     observation -> population encoder -> spiking layers -> population decoder -> raw action
 
@@ -16,9 +16,12 @@ from torch import Tensor, nn
 
 from src.actors.actor import Actor
 from src.actors.decoder import PopulationDecoder
+from src.actors.dn import DNConstants
 from src.actors.health import ActorHealth, Trace, layer_health
 from src.actors.initialisation import Initialiser
 from src.actors.lif import LIFConstants
+from src.actors.membrane_readout import MembraneReadout
+from src.actors.output_lateral import OutputLateral
 from src.actors.population_encoder import PopulationEncoder
 from src.actors.spiking_layer import SpikingLayer
 from src.config import EncoderConfig, SpikingActorConfig
@@ -50,31 +53,26 @@ class SpikingActor(Actor):
         super().__init__()
         initialiser = Initialiser(streams)
         masks = streams if config.mask_seed is None else Streams(config.mask_seed)
-        constants = LIFConstants(
-            config.current_decay,
-            config.voltage_decay,
-            config.threshold,
-            config.surrogate_window,
-            config.reset_gradient,
-            config.lateral_gradient,
-        )
+        constants = neuron_constants(config)
         self.encoder = PopulationEncoder(encoder, observation_size, config.time_steps)
         sizes = (self.encoder.size, *config.hidden_sizes, action_size * config.output_population)
         self.layers = nn.ModuleList()
         for index, (inputs, neurons) in enumerate(pairwise(sizes)):
             is_output = index == len(config.hidden_sizes)
             plain = is_output and not config.dendritic.output_topology
+            of_layer = initialiser.at("layers").at(index)
             layer = SpikingLayer(
                 replace(config.dendritic, branches=1) if plain else config.dendritic,
                 replace(config.lateral, radius=0) if plain else config.lateral,
                 constants,
                 inputs,
                 neurons,
-                initialiser.at("layers").at(index),
+                of_layer,
                 masks.sequence("dendrite mask", index),
+                _output_lateral(config, action_size, of_layer) if is_output else None,
             )
             self.layers.append(layer)
-        self.decoder = PopulationDecoder(action_size, config.output_population, initialiser.at("decoder"))
+        self.decoder = _decoder(config, action_size, initialiser.at("decoder"))
 
     def trace(self, observation: Tensor, generator: torch.Generator | None = None) -> Trace:
         """Spikes and membrane potentials of every layer for observations ``[B, N]``.
@@ -117,3 +115,48 @@ class SpikingActor(Actor):
     def layer_parameters(self) -> list[list[nn.Parameter]]:
         """Weight, bias and lateral weights of each spiking layer, the output population last."""
         return [list(layer.parameters()) for layer in self.layers]
+
+
+def neuron_constants(config: SpikingActorConfig) -> LIFConstants | DNConstants:
+    """Constants of the configured neuron model."""
+    if config.neuron == "dn":
+        return DNConstants(
+            config.current_decay,
+            config.threshold,
+            config.surrogate_window,
+            config.reset_gradient,
+            config.lateral_gradient,
+            config.dn.theta_v,
+            config.dn.theta_u,
+            config.dn.theta_r,
+            config.dn.theta_s,
+        )
+    return LIFConstants(
+        config.current_decay,
+        config.voltage_decay,
+        config.threshold,
+        config.surrogate_window,
+        config.reset_gradient,
+        config.lateral_gradient,
+    )
+
+
+def _output_lateral(config: SpikingActorConfig, action_size: int, initialiser: Initialiser) -> OutputLateral | None:
+    if config.output_lateral == "none":
+        return None
+    return OutputLateral(
+        config.output_lateral,
+        config.output_lateral_bias,
+        config.lateral_gradient,
+        action_size,
+        config.output_population,
+        initialiser.at("output_lateral"),
+    )
+
+
+def _decoder(
+    config: SpikingActorConfig, action_size: int, initialiser: Initialiser
+) -> PopulationDecoder | MembraneReadout:
+    if config.readout == "rate":
+        return PopulationDecoder(action_size, config.output_population, initialiser)
+    return MembraneReadout(config.readout, config.readout_decay, action_size, config.output_population, initialiser)

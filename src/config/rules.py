@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from src.config.schema import ExperimentConfig, ProtocolConfig, SACConfig, SpikingActorConfig
+from src.config.schema import ActorConfig, ExperimentConfig, ProtocolConfig, SACConfig, SpikingActorConfig
 
 
 def mistakes(config: ExperimentConfig) -> Iterator[str]:
     """Each broken rule as a sentence: the key, what was found, what would be right."""
     actor = config.actor
     algo = config.algo
-    if actor.spikes and config.encoder.coding == "none":
-        yield f"encoder.coding: actor {actor.name} needs spikes; use encoder=task, poisson or deterministic."
-    if not actor.spikes and config.encoder.coding != "none":
-        yield f"encoder={config.encoder.name}: actor {actor.name} takes no spikes; leave encoder=task."
+    yield from _coding_mistakes(config)
     yield from _protocol_mistakes(config.protocol)
     stored = config.protocol.update_after + config.protocol.update_every
     if algo.batch_size > stored and config.protocol.total_steps > config.protocol.update_after:
@@ -28,6 +25,26 @@ def mistakes(config: ExperimentConfig) -> Iterator[str]:
             yield "algo.log_std_network=shared: only actor=aan has a trunk to share; use separate."
     if isinstance(actor, SpikingActorConfig):
         yield from _spiking_mistakes(actor)
+
+
+def _coding_mistakes(config: ExperimentConfig) -> Iterator[str]:
+    actor = config.actor
+    encoder = config.encoder
+    if takes_strength(actor):
+        if encoder.coding != "analog":
+            yield (
+                f"encoder={encoder.name}: actor {actor.name} takes the stimulation strength itself, no spikes; "
+                "leave encoder=task."
+            )
+    elif actor.spikes and encoder.coding == "none":
+        yield f"encoder.coding: actor {actor.name} needs spikes; use encoder=task, poisson or deterministic."
+    elif not actor.spikes and encoder.coding != "none":
+        yield f"encoder={encoder.name}: actor {actor.name} takes no spikes; leave encoder=task."
+
+
+def takes_strength(actor: ActorConfig) -> bool:
+    """Whether an actor always takes the encoder's stimulation strength instead of spikes."""
+    return getattr(actor, "coding", None) == "analog"
 
 
 def _protocol_mistakes(protocol: ProtocolConfig) -> Iterator[str]:
@@ -62,15 +79,22 @@ def _spiking_mistakes(actor: SpikingActorConfig) -> Iterator[str]:
         if actor.dendritic.branches > width:
             yield f"actor.dendritic.branches: {actor.dendritic.branches} exceeds the {width} inputs of a layer."
             break
+    if actor.output_lateral != "none" and actor.dendritic.output_topology and actor.lateral.radius:
+        yield (
+            f"actor.output_lateral: {actor.output_lateral} and actor.dendritic.output_topology=true would connect the "
+            "output population twice; use none, or false."
+        )
+    if actor.output_lateral == "no_self" and actor.output_population == 1:
+        yield "actor.output_lateral: no_self needs at least 2 neurons an action; raise actor.output_population."
 
 
 def inert_keys(config: ExperimentConfig) -> Iterator[str]:
     """Dotted keys that change nothing in this configuration, because another key switches off what they set."""
     algo = config.algo
-    if not config.actor.spikes:
-        for key in ("population_size", "mean_range", "std", "min_std", "learnable", "threshold"):
+    if config.encoder.coding == "none":
+        for key in ("population_size", "mean_range", "std", "min_std", "learnable", "threshold", "input_map"):
             yield f"encoder.{key}"
-    elif config.encoder.coding == "poisson":
+    elif config.encoder.coding != "deterministic":
         yield "encoder.threshold"
     if not isinstance(algo, SACConfig):
         yield "actor.log_std_network"
@@ -94,6 +118,15 @@ def _inert_spiking_keys(actor: SpikingActorConfig) -> Iterator[str]:
         yield "actor.lateral.include_self"
         yield "actor.lateral.weights"
         yield "actor.lateral.init_scale"
+    if alone and actor.output_lateral == "none":
         yield "actor.lateral_gradient"
     if linear and alone:
         yield "actor.dendritic.output_topology"
+    if actor.neuron == "dn":
+        yield "actor.voltage_decay"
+    else:
+        yield from (f"actor.dn.theta_{name}" for name in "vurs")
+    if actor.output_lateral == "none":
+        yield "actor.output_lateral_bias"
+    if actor.readout == "rate":
+        yield "actor.readout_decay"

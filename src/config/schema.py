@@ -50,8 +50,18 @@ class LateralConfig:
 
 
 @dataclass(frozen=True, config=_STRICT)
+class DNConfig:
+    """Constants of second-order dynamic neurons: the k-means centre that MDC-SAN's paper learnt on Ant."""
+
+    theta_v: float = -0.172
+    theta_u: float = 0.529
+    theta_r: float = 0.021
+    theta_s: float = 0.132
+
+
+@dataclass(frozen=True, config=_STRICT)
 class SpikingActorConfig:
-    """One class serves the four spiking actors: only synapse and lateral term differ."""
+    """One class serves all spiking actors: coding, neuron, synapse, lateral terms and readout are choices."""
 
     kind: Literal["spiking"]
     name: Name
@@ -70,6 +80,27 @@ class SpikingActorConfig:
     learning_rate: PositiveFloat
     log_std_network: Literal["separate", "shared"]
     spikes: Literal[True] = True
+    coding: Literal["encoder", "analog"] = "encoder"  # the encoder's spikes, or always the stimulation strength itself
+    neuron: Literal["clif", "dn"] = "clif"  # current-based LIF (current_decay 0: plain LIF) or dynamic neuron
+    dn: DNConfig = DNConfig()
+    output_lateral: Literal["none", "all", "no_self", "self_only"] = "none"  # within an action's output neurons
+    output_lateral_bias: bool = True
+    readout: Literal["rate", "last_membrane", "mean_membrane", "max_membrane"] = "rate"
+    readout_decay: UnitInterval = 1.0  # lambda of the membrane readout
+
+
+@dataclass(frozen=True, config=_STRICT)
+class PopulationMLPActorConfig:
+    """Pop-DAN: PopSAN's encoder and decoder around a multilayer perceptron."""
+
+    kind: Literal["population_mlp"]
+    name: Name
+    hidden_sizes: LayerSizes
+    output_population: Positive  # ReLU units per action dimension
+    learning_rate: PositiveFloat
+    coding: Literal["analog"]
+    log_std_network: Literal["separate"] = "separate"
+    spikes: Literal[False] = False
 
 
 @dataclass(frozen=True, config=_STRICT)
@@ -97,21 +128,24 @@ class CustomActorConfig:
     log_std_network: Literal["separate"] = "separate"
 
 
-ActorConfig = Annotated[SpikingActorConfig | MLPActorConfig | CustomActorConfig, Field(discriminator="kind")]
+ActorConfig = Annotated[
+    SpikingActorConfig | MLPActorConfig | PopulationMLPActorConfig | CustomActorConfig, Field(discriminator="kind")
+]
 
 
 @dataclass(frozen=True, config=_STRICT)
 class EncoderConfig:
     """Population encoder and spike coding [P, Input Encoding]."""
 
-    name: Literal["task", "poisson", "deterministic"]
-    coding: Literal["poisson", "deterministic", "none"]
+    name: Literal["task", "poisson", "deterministic", "analog"]
+    coding: Literal["poisson", "deterministic", "analog", "none"]
     population_size: Positive  # J
     mean_range: Annotated[tuple[float, float], Field(strict=False)]  # mu = linspace(low, high, J)
     std: PositiveFloat  # initial sigma
     min_std: PositiveFloat  # sigma is projected to at least this after each optimizer step
     learnable: bool
     threshold: PositiveFloat  # of the deterministic coding
+    input_map: Literal["none", "tanh"] = "none"  # what the receptive fields see of an observation
 
 
 @dataclass(frozen=True, config=_STRICT)

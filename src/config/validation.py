@@ -12,7 +12,7 @@ from src.config.schema import ExperimentConfig
 
 _SCHEMA = TypeAdapter(ExperimentConfig)
 #: The tags of pydantic's unions, which are no part of a key.
-_TAGS = frozenset({"spiking", "mlp", "custom", "td3", "sac"})
+_TAGS = frozenset({"spiking", "mlp", "population_mlp", "custom", "td3", "td3_proxy", "sac"})
 _FOLDER_NAME = "letters, digits and _ . , = + - [ ] (it becomes a folder)"
 _PATTERNS = {
     "device": "cpu, cuda or cuda:N",
@@ -70,7 +70,7 @@ def parse(composed: dict[str, Any]) -> ExperimentConfig:
         ConfigurationError: as :func:`validate`.
     """
     try:
-        return _SCHEMA.validate_json(json.dumps(_without_encoder_where_no_spikes(composed), default=str))
+        return _SCHEMA.validate_json(json.dumps(_coding_that_the_actor_takes(composed), default=str))
     except ValidationError as error:
         raise ConfigurationError("\n".join(sentence(each) for each in error.errors())) from None
 
@@ -99,11 +99,16 @@ def sentence(error: Any, prefix: str = "") -> str:
     return f"{key}: should be {expected}, found {error['input']!r}."
 
 
-def _without_encoder_where_no_spikes(composed: dict[str, Any]) -> dict[str, Any]:
-    """An actor without spikes takes none, whatever the task says; asking for spikes by name is refused later."""
+def _coding_that_the_actor_takes(composed: dict[str, Any]) -> dict[str, Any]:
+    """An actor without spikes takes none, whatever the task says; asking for spikes by name is refused later.
+
+    One that takes the stimulation strength itself says so by its own key ``coding``.
+    """
     actor = composed.get("actor")
     encoder = composed.get("encoder")
     if isinstance(actor, dict) and isinstance(encoder, dict) and encoder.get("name") == "task":
+        if actor.get("coding") == "analog":
+            return composed | {"encoder": encoder | {"coding": "analog"}}
         spikes = actor.get("spikes", actor.get("kind") == "spiking")
         if spikes is False:
             return composed | {"encoder": encoder | {"coding": "none"}}

@@ -9,7 +9,9 @@ from torch import Tensor, nn
 from torch.nn.utils import parametrize
 
 from src.actors.actor import Actor
+from src.actors.decoder import PopulationDecoder
 from src.actors.health import ActorHealth
+from src.actors.lif import LIFConstants
 from src.actors.mlp_actor import MLPActor
 from src.actors.spiking_actor import SpikingActor
 from src.algorithms.metrics import BurstRecord
@@ -32,12 +34,30 @@ def refusal(actor: Actor, device: str = "cpu") -> str | None:
         return "it computes on the CPU only"
     if any(tensor.dtype != torch.float32 for tensor in tensors):
         return "it computes in float32 only"
+    if isinstance(actor, SpikingActor) and (choice := _unknown_choice(actor)):
+        return f"it does not compute {choice}"
     if any(not p.requires_grad for p in actor.parameters()):
         return "some of its parameters do not learn"
     if len(list(actor.parameters())) != len(list(actor.named_parameters(remove_duplicate=False))):
         return "one of its parameters serves twice"
     if any(parametrize.is_parametrized(module) for module in actor.modules()):
         return "some of its parameters are made of others"
+    return None
+
+
+def _unknown_choice(actor: SpikingActor) -> str | None:
+    """The first of a spiking actor's choices that has no kernel."""
+    layers = actor.spiking_layers()
+    if actor.encoder.coding == "analog":
+        return "analog input (encoder.coding)"
+    if actor.encoder.input_map != "none":
+        return f"encoder.input_map={actor.encoder.input_map}"
+    if any(not isinstance(layer.constants, LIFConstants) for layer in layers):
+        return "other neurons than clif (actor.neuron)"
+    if any(layer.output_lateral is not None for layer in layers):
+        return "connections within the output population (actor.output_lateral)"
+    if not isinstance(actor.decoder, PopulationDecoder):
+        return "membrane readouts (actor.readout)"
     return None
 
 

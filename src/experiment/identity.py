@@ -40,7 +40,20 @@ _EXCLUDED = frozenset(
 )
 #: Dotted keys that came after runs had been trained, each with the values that mean the behaviour before it. Such a
 #: value enters neither a hash nor a comparison, so that the runs of before stay what they are.
-ADDED_KEYS: Mapping[str, tuple[Any, ...]] = {"backend": ("auto", "fast")}
+ADDED_KEYS: Mapping[str, tuple[Any, ...]] = {
+    "backend": ("auto", "fast"),
+    "actor.coding": ("encoder",),
+    "actor.neuron": ("clif",),
+    "actor.dn.theta_v": (-0.172,),
+    "actor.dn.theta_u": (0.529,),
+    "actor.dn.theta_r": (0.021,),
+    "actor.dn.theta_s": (0.132,),
+    "actor.output_lateral": ("none",),
+    "actor.output_lateral_bias": (True,),
+    "actor.readout": ("rate",),
+    "actor.readout_decay": (1.0,),
+    "encoder.input_map": ("none",),
+}
 #: A longer label is cut here and told apart by a hash of the whole.
 LONGEST_LABEL = 100
 

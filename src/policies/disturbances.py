@@ -17,8 +17,10 @@ import torch
 from torch import Tensor
 
 from src.actors.actor import Actor
+from src.actors.lif import LIFConstants
+from src.actors.spiking_actor import SpikingActor
 from src.config import ConfigurationError
-from src.policies.trace import is_perceptron, is_spiking, weighted_layers
+from src.policies.trace import is_perceptron, is_population_perceptron, is_spiking, weighted_layers
 from src.streams import Streams
 
 #: A bias at which no neuron fires and no ReLU opens.
@@ -113,17 +115,24 @@ def round_weights(actor: Actor, bits: int) -> None:
                 part.copy_(torch.round(part * (steps / largest)) * (largest / steps))
 
 
+def can_be_silenced(actor: Actor) -> bool:
+    """Whether a low enough bias silences its neurons: not dynamic ones, whose potential is squared, nor unknown."""
+    if isinstance(actor, SpikingActor) and is_spiking(actor):
+        return all(isinstance(layer.constants, LIFConstants) for layer in actor.spiking_layers())
+    return is_perceptron(actor) or is_population_perceptron(actor)
+
+
 @torch.no_grad()
 def silence_neurons(actor: Actor, streams: Streams, severity: float) -> None:
     """A share ``severity`` of the neurons of each hidden layer never fires (a ReLU unit is 0).
 
     Raises:
-        ConfigurationError: of this actor's neurons nothing is known.
+        ConfigurationError: see :func:`can_be_silenced`.
     """
-    if not (is_spiking(actor) or is_perceptron(actor)):
-        raise ConfigurationError(f"{type(actor).__name__}: nothing is known of its neurons.")
+    if not can_be_silenced(actor):
+        raise ConfigurationError(f"{type(actor).__name__}: it is not known how to silence its neurons.")
     hidden = [layer for layer in weighted_layers(actor) if layer.bias is not None]
-    hidden = hidden[: -2 if is_spiking(actor) else -1]  # without output population and decoder, or the linear output
+    hidden = hidden[: -1 if is_perceptron(actor) else -2]  # without output population and decoder, or the linear output
     for name, _, bias in hidden:
         assert bias is not None
         dead = torch.rand(bias.shape[-1], generator=streams.torch("dead neurons", name)) < severity

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from src.policies.load import FRESH
-from src.policies.operations import OperationCounter, Operations
+from src.policies.operations import OperationCounter, Operations, kind_of
 from src.policies.trace import Neurons, NotTraceable, Trace, trace
 from src.streams import Streams
 from src.training.policy_file import TrainedPolicy
@@ -63,7 +63,7 @@ class _Recorder:
 
     def add(self, seen: Trace) -> None:
         inputs = seen.connections[0].inputs
-        has_spikes = any(layer.potentials is not None for layer in seen.neurons)
+        has_spikes = kind_of(inputs) == "AC" and any(layer.potentials is not None for layer in seen.neurons)
         layers = [Neurons("input", inputs, inputs if has_spikes else None), *seen.neurons]
         if self.counter.decisions < self.decisions:
             for layer in layers:

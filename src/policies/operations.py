@@ -6,7 +6,8 @@ Over the decisions of evaluation episodes played by a trained policy:
   the time steps of a decision. Biases are not counted. A call of a layer whose inputs are all -1, 0 or 1 counts
   accumulates (AC), any other call multiply-accumulates (MAC).
 - neuron updates: neurons x steps whose membrane potential, as it is kept from one step to the next (after the reset),
-  changes; the first step changes all.
+  changes; the first step changes all. A membrane readout's M integrators never fire and are not counted; analog input
+  is, at every step.
 - activation sparsity: zeros among all outputs of all neuron layers, a ReLU's as a spiking neuron's.
 
 Source: Yik et al., NeuroBench, Nature Communications 16, 1545 (2025), and its `neurobench` package.
@@ -66,6 +67,8 @@ def fan_out(connections: Connections) -> Tensor:
     nonzero = connections.weight != 0
     if connections.grouped:
         return nonzero.flatten().long()
+    if connections.exists is not None:
+        return nonzero.sum(1).flatten()
     if not connections.offsets:
         return nonzero.sum(0)
     return _lateral_sum(nonzero, connections.offsets)
@@ -73,6 +76,8 @@ def fan_out(connections: Connections) -> Tensor:
 
 def synapses(connections: Connections) -> int:
     """How many weights there are; of a dendritic layer each synapse once, of a shared lateral weight one a neuron."""
+    if connections.exists is not None:
+        return int(connections.exists.sum())
     if not connections.offsets:
         return connections.weight.numel()
     return int(_lateral_sum(torch.ones_like(connections.weight, dtype=torch.bool), connections.offsets).sum())

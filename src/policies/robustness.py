@@ -18,7 +18,7 @@ from src.experiment.files import replace_file
 from src.policies import disturbances
 from src.policies.disturbances import DisturbedObservation, Joints
 from src.policies.load import FRESH, load_policy
-from src.policies.trace import is_perceptron, is_spiking, weighted_layers
+from src.policies.trace import weighted_layers
 from src.streams import Streams
 from src.training.evaluation import Evaluator, Wrap
 from src.training.gym_task import make_gym
@@ -59,7 +59,7 @@ def conditions(trained: TrainedPolicy) -> list[Condition]:
     actor, config = trained.policy.actor, trained.config.actor
     found = [Condition(NONE, 0.0)]
     for disturbance, severities in SEVERITIES.items():
-        if disturbance == "dead neurons" and not (is_spiking(actor) or is_perceptron(actor)):
+        if disturbance == "dead neurons" and not disturbances.can_be_silenced(actor):
             continue
         if disturbance in ("weight noise", "zeroed synapses", "weight bits") and not weighted_layers(actor):
             continue

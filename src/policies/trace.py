@@ -15,7 +15,10 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from src.actors.actor import Actor
+from src.actors.membrane_readout import MembraneReadout
+from src.actors.mlp import EnsembleMLP
 from src.actors.mlp_actor import MLPActor
+from src.actors.population_mlp_actor import PopulationMLPActor
 from src.actors.spiking_actor import SpikingActor
 
 
@@ -24,7 +27,8 @@ class Connections(NamedTuple):
 
     ``inputs`` is what its synapses receive, ``[S, B, inputs]`` over S steps, ``weight`` is ``[outputs, inputs]``. A
     lateral layer has ``offsets``: its weight ``[K, n]`` belongs to the neighbours at these index distances. The
-    decoder's weight ``[M, P]`` is ``grouped``: every input has one synapse.
+    decoder's weight ``[M, P]`` is ``grouped``: every input has one synapse. Connections within each of M groups of P
+    neurons have a weight ``[M, P, P]`` and ``exists``, where there is a synapse.
     """
 
     name: str
@@ -32,6 +36,7 @@ class Connections(NamedTuple):
     weight: Tensor
     offsets: tuple[int, ...] = ()
     grouped: bool = False
+    exists: Tensor | None = None
 
 
 class Neurons(NamedTuple):
@@ -64,6 +69,11 @@ def is_perceptron(actor: Actor) -> bool:
     return isinstance(actor, MLPActor) and type(actor).forward is MLPActor.forward
 
 
+def is_population_perceptron(actor: Actor) -> bool:
+    """Whether it computes what :class:`PopulationMLPActor` does."""
+    return isinstance(actor, PopulationMLPActor) and type(actor).forward is PopulationMLPActor.forward
+
+
 @torch.no_grad()
 def trace(actor: Actor, observation: Tensor, generator: torch.Generator | None = None) -> Trace:
     """The actor's pass on normalised observations ``[B, N]``, everything kept.
@@ -80,17 +90,19 @@ def trace(actor: Actor, observation: Tensor, generator: torch.Generator | None =
     if is_perceptron(actor):
         assert isinstance(actor, MLPActor)
         return _perceptron(actor, observation)
+    if is_population_perceptron(actor):
+        assert isinstance(actor, PopulationMLPActor)
+        return _population_perceptron(actor, observation)
     return _unknown(actor, observation, generator)
 
 
 def linear_layers(actor: MLPActor) -> list[tuple[Tensor, Tensor]]:
     """Weight ``[outputs, inputs]`` and bias ``[outputs]`` of each layer, input first; views of the parameters."""
-    parameters = [
-        (weight[0].T, bias[0, 0])
-        for part in (actor.hidden, actor.output)
-        for weight, bias in zip(part.weights, part.biases, strict=True)
-    ]
-    return parameters
+    return _layers_of(actor.hidden) + _layers_of(actor.output)
+
+
+def _layers_of(network: EnsembleMLP) -> list[tuple[Tensor, Tensor]]:
+    return [(weight[0].T, bias[0, 0]) for weight, bias in zip(network.weights, network.biases, strict=True)]
 
 
 class Layer(NamedTuple):
@@ -106,6 +118,10 @@ def weighted_layers(actor: Actor) -> list[Layer]:
     if is_perceptron(actor):
         assert isinstance(actor, MLPActor)
         return [Layer(f"layer{n}", *parts) for n, parts in enumerate(linear_layers(actor), start=1)]
+    if is_population_perceptron(actor):
+        assert isinstance(actor, PopulationMLPActor)
+        hidden = [Layer(f"layer{n}", *parts) for n, parts in enumerate(_layers_of(actor.hidden), start=1)]
+        return [*hidden, Layer("decoder", actor.decoder.weight, actor.decoder.bias)]
     if not is_spiking(actor):
         linear = [(name, module) for name, module in actor.named_modules() if isinstance(module, nn.Linear)]
         return [Layer(name, module.weight, module.bias) for name, module in linear]
@@ -115,6 +131,8 @@ def weighted_layers(actor: Actor) -> list[Layer]:
         layers.append(Layer(f"layer{number}", layer.synapse.weight, layer.synapse.bias))
         if layer.lateral is not None:
             layers.append(Layer(f"layer{number}.lateral", layer.lateral.weight, None))
+        if layer.output_lateral is not None:
+            layers.append(Layer(f"layer{number}.output_lateral", layer.output_lateral.weight, None))
     return [*layers, Layer("decoder", actor.decoder.weight, actor.decoder.bias)]
 
 
@@ -125,13 +143,16 @@ def _spiking(actor: SpikingActor, observation: Tensor, generator: torch.Generato
         name = f"layer{number}"
         fired, potentials = layer(spikes)
         connections.append(Connections(name, spikes, layer.synapse.weight))
+        before = torch.cat([torch.zeros_like(fired[:1]), fired[:-1]])
         if layer.lateral is not None:
-            before = torch.cat([torch.zeros_like(fired[:1]), fired[:-1]])
             connections.append(Connections(f"{name}.lateral", before, layer.lateral(), layer.lateral.offsets))
+        if (within := layer.output_lateral) is not None:
+            weight = within.matrix()
+            connections.append(Connections(f"{name}.output_lateral", before, weight, exists=within.exists))
         neurons.append(Neurons(name, fired, potentials))
         spikes = fired
-    rates = spikes.mean(0, keepdim=True)
-    connections.append(Connections("decoder", rates, actor.decoder.weight, grouped=True))
+    read = spikes if isinstance(actor.decoder, MembraneReadout) else spikes.mean(0, keepdim=True)
+    connections.append(Connections("decoder", read, actor.decoder.weight, grouped=True))
     return Trace(actor.decoder(spikes), connections, neurons)
 
 
@@ -148,6 +169,17 @@ def _perceptron(actor: MLPActor, observation: Tensor) -> Trace:
             x = torch.relu(x)
             neurons.append(Neurons(name, x))
     return Trace(x[0], connections, neurons)
+
+
+def _population_perceptron(actor: PopulationMLPActor, observation: Tensor) -> Trace:
+    connections, neurons = [], []
+    x = actor.encoder.strength(observation).unsqueeze(0)
+    for number, (weight, bias) in enumerate(_layers_of(actor.hidden), start=1):
+        connections.append(Connections(f"layer{number}", x, weight))
+        x = torch.relu(F.linear(x, weight, bias))
+        neurons.append(Neurons(f"layer{number}", x))
+    connections.append(Connections("decoder", x, actor.decoder.weight, grouped=True))
+    return Trace(actor.decoder(x), connections, neurons)
 
 
 def _unknown(actor: Actor, observation: Tensor, generator: torch.Generator | None) -> Trace:

@@ -9,7 +9,9 @@ def test_a_caption_gives_the_least_and_the_most_over_laws_and_intervals(monkeypa
     content = {"a": {3: (70, 80), 5: (85, 90)}, "b": {3: (75, 95), 5: (80, 88)}}
     monkeypatch.setattr(coverage, "intervals", lambda: content)
     assert coverage.coverage("a") == "70–80 / 85–90% of the time at 3 / 5 seeds"
-    assert coverage.covers("a", "b") == "Simulated, it covers the truth 70–95 / 80–90% of the time at 3 / 5 seeds."
+    assert coverage.covers("a", "b") == (
+        "Simulated, such an interval covers the truth 70–95 / 80–90% of the time at 3 / 5 seeds."
+    )
     with pytest.raises(KeyError):
         coverage.covers("c")
 

@@ -3,9 +3,12 @@
 import json
 
 from analysis.__main__ import main
+from analysis.data.names import task_name
 from analysis.data.study import read_study
 from analysis.overview import overview, protocol
 from benchmarks.synthetic import configuration, write_grid, write_run
+
+TASKS = ("hopper", "walker2d", "halfcheetah", "ant")
 
 
 def statistics(folder):
@@ -66,7 +69,7 @@ def test_where_nothing_can_be_tested_one_sentence_names_the_reasons(tmp_path):
         write_run(tmp_path / "s", seed=seed)
     content, tables = statistics(tmp_path / "s")
     caption = tables["verdicts"]["caption"]
-    answer = "Too few seeds to judge: at most 2 finished seeds in an arm of every pair, 5 are needed"
+    answer = "Too few seeds to judge: no claim has more than 2 finished seeds in all of its arms; 5 are needed"
     assert content["overview"]["answer"].startswith(answer)
     assert json.dumps(content).lower().count("too few seeds to judge") == 2  # once said, once the name of a verdict
     assert caption.count("no runs on Walker2d-v4, Ant-v4 (N=111)") == 1
@@ -93,6 +96,20 @@ def test_the_main_table_has_a_row_for_every_label_and_a_column_for_every_task(tm
     assert tables["main"]["rows"] == [["TD3", "BPT-SAN", "running, 43,500 of 100,000", "no run"], mine]
     assert mine[-1].endswith("(n=1)")
     assert "No runs on Walker2d-v4, HalfCheetah-v4." in tables["main"]["caption"]
+
+
+def test_the_forest_plot_says_what_the_sentence_says(tmp_path):
+    write_grid(tmp_path / "s", {"bptsan": 30.0}, envs=TASKS, actors=("aan", "popsan", "bptsan"), seeds=10, noise=60)
+    content, _ = statistics(tmp_path / "s")
+    (forest,) = content["overview"]["forests"]
+    claims = {row["label"]: row for row in forest["rows"] if row["pooled"]}
+    assert len(claims) == 2 and "Without comparable finished runs: BPT-SAN beats itself" in forest["caption"]
+    for label, row in claims.items():
+        assert row["verdict"] in content["overview"]["verdicts"] and row["n"] == "10"
+        assert f"{row['verdict']}: " in content["overview"]["answer"] and label in content["overview"]["answer"]
+        assert "over 4 tasks" in row["remark"] and 0 < row["at"] < 400
+    assert any("relevant" in row["verdict"] for row in claims.values())
+    assert [row["label"] for row in forest["rows"] if not row["pooled"]] == [*map(task_name, TASKS)] * 2
 
 
 def test_what_could_mislead_stands_before_the_numbers(tmp_path):

@@ -96,7 +96,7 @@ def test_it_begins_with_verdicts_then_the_table_and_names_what_is_missing(mixed_
         html.index(f"<h2>{words}</h2>") for words in ("Statistics", "Cost and spiking health", "Provenance", "Notes")
     ]
     assert [first, *headings, *later] == sorted([first, *headings, *later])
-    assert "Too few seeds to judge: at most 3 finished seeds" in html
+    assert "Too few seeds to judge: no claim has more than 3 finished seeds" in html
     assert "my notes: its path is not" in html and "diverged runs: BPT-SAN 1" in html
     runs = pd.read_csv(mixed_report / "statistics/runs.csv").set_index(["env", "arm"])
     assert str(runs.loc[("ant", "popsan"), "missing"]) in ("2, 3", "2–3")

@@ -18,8 +18,8 @@ OPTIONS = {
 }
 NAMES = {
     "algo": {"td3", "sac"},
-    "actor": {"aan", "popsan", "bptsan", "bptsan_wo_ndt", "bptsan_wo_li"},
-    "encoder": {"task", "poisson", "deterministic"},
+    "actor": {"aan", "popsan", "bptsan", "bptsan_wo_ndt", "bptsan_wo_li", "popdan", "mdcsan", "ilcsan", "lif_san"},
+    "encoder": {"task", "poisson", "deterministic", "analog"},
     "env": {"hopper", "walker2d", "halfcheetah", "ant", "ant_zero_contact", "ant_no_contact"},
     "protocol": {"paper", "short", "demo", "smoke"},
     "logger": {"tensorboard", "wandb", "none"},
@@ -69,14 +69,17 @@ def test_every_valid_combination_composes_and_every_invalid_one_is_refused():
     for names in itertools.product(*(sorted(OPTIONS[group]) for group in groups)):
         choices = dict(zip(groups, names))
         content = put_together(**choices)
-        if choices["actor"] == "aan" and choices["encoder"] != "task":
-            with pytest.raises(ConfigurationError, match=f"encoder={choices['encoder']}: actor aan takes no spikes"):
+        own = {"aan": "none", "popdan": "analog", "mdcsan": "analog"}.get(choices["actor"])
+        if own and choices["encoder"] not in ("task", own):
+            with pytest.raises(
+                ConfigurationError, match=f"encoder={choices['encoder']}: actor {choices['actor']} takes"
+            ):
                 validate(content)
             refused += 1
             continue
         config = validate(content)
         coding = {"task": config.env.spike_coding}.get(config.encoder.name, config.encoder.name)
-        assert config.encoder.coding == ("none" if config.actor.name == "aan" else coding)
+        assert config.encoder.coding == (own or coding)
         valid += 1
     assert valid >= 2 * (4 * 3 + 1) * 6 * 4
     assert refused >= 2 * 2 * 6 * 4
@@ -116,14 +119,15 @@ def test_every_key_has_a_comment(path):
             assert "# " in line, f"{path.name}: {line.strip()} has no comment"
 
 
+PAPERS = {"aan", "popsan", "bptsan", "bptsan_wo_ndt", "bptsan_wo_li"}
 SWEEPS = {
     "main_td3": ("td3", {"aan", "popsan", "bptsan"}, 4, 10, "paper", "paper"),
     "main_sac": ("sac", {"aan", "popsan", "bptsan"}, 4, 10, "paper", "paper"),
     "ablation_td3": ("td3", {"bptsan", "bptsan_wo_ndt", "bptsan_wo_li"}, 4, 10, "paper", "paper"),
     "ablation_sac": ("sac", {"bptsan", "bptsan_wo_ndt", "bptsan_wo_li"}, 4, 10, "paper", "paper"),
     "demo": (None, {"aan", "popsan", "bptsan"}, 2, 2, "demo", None),
-    "hopper_td3": ("td3", NAMES["actor"], 1, 3, "short", "hopper_td3"),
-    "td3_100k": ("td3", NAMES["actor"], 2, 5, "short", "td3_100k"),
+    "hopper_td3": ("td3", PAPERS, 1, 3, "short", "hopper_td3"),
+    "td3_100k": ("td3", PAPERS, 2, 5, "short", "td3_100k"),
     "sac_100k": ("sac", {"aan", "popsan", "bptsan"}, 2, 3, "short", "sac_100k"),
 }
 

@@ -22,6 +22,7 @@ from typing import Any
 
 import torch
 
+from src.experiment.run_directory import FILES
 from src.training.checkpoint import read_archive
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -136,8 +137,8 @@ def assert_same_end(results: Path, reference: Path) -> None:
     a, b = weights(one), weights(other)
     assert a.keys() == b.keys()
     assert all(torch.equal(a[key], b[key]) for key in a), "the weights differ"
-    left = {each.name for each in one.iterdir()} - {"policy_best.pt", "operations.json"}
-    assert left == {"config.yaml", "manifest.json", "evaluations.csv", "training.csv", "policy.pt", "state"}, left
+    left = {each.name for each in one.iterdir()}
+    assert left <= {*FILES, "state"} - {"failure.txt"}, left
     assert not list((one / "state").glob("*.part"))
 
 

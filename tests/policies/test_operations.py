@@ -23,6 +23,7 @@ from tests.helpers import tiny
 from tests.training.test_session import run
 
 RAW = torch.zeros(1, 1)
+RIVALS = ["popdan", "mdcsan", "ilcsan", "lif_san"]
 
 
 def counted(*traces: Trace, actor: Actor | None = None) -> Any:
@@ -33,7 +34,7 @@ def counted(*traces: Trace, actor: Actor | None = None) -> Any:
 
 
 def built(actor: str, encoder: str = "deterministic", **overrides: Any) -> Actor:
-    config = configuration(actor, "task" if actor == "aan" else encoder, **overrides)
+    config = configuration(actor, "task" if actor in ("aan", "popdan", "mdcsan") else encoder, **overrides)
     return build_actor(config, 3, 2, Streams(0))
 
 
@@ -110,7 +111,7 @@ def test_the_aan_gets_the_sparsity_of_its_relus() -> None:
     assert found.footprint_bytes == 4 * (6 + 2 + 4 + 2 + 4 + 2)
 
 
-@pytest.mark.parametrize("actor", ["popsan", "bptsan", "bptsan_wo_ndt", "bptsan_wo_li", "aan"])
+@pytest.mark.parametrize("actor", ["popsan", "bptsan", "bptsan_wo_ndt", "bptsan_wo_li", "aan", *RIVALS])
 @pytest.mark.parametrize("encoder", ["deterministic", "poisson"])
 def test_what_is_traced_is_what_the_actor_computes(actor: str, encoder: str) -> None:
     network = built(actor, encoder, actor__hidden_sizes=[32, 32])
@@ -127,6 +128,38 @@ def test_a_dendritic_layer_counts_its_unmasked_synapses_once() -> None:
         [layer.weights for layer in counted(trace(a, torch.zeros(1, 3)), actor=a).layers] for a in (plain, dendritic)
     ]
     assert sizes[0] == sizes[1] == [30 * 256, 256 * 256, 256 * 20, 20]
+
+
+def test_analog_input_counts_macs_at_every_step_and_spikes_accumulates() -> None:
+    actor = built("mdcsan", actor__hidden_sizes=[7, 5])
+    layers = {layer.name: layer for layer in counted(trace(actor, torch.randn(4, 3)), actor=actor).layers}
+    first, second = layers["layer1"], layers["layer2"]
+    assert (first.kind, first.dense, first.weights) == ("MAC", 5 * 30 * 7, 30 * 7)
+    assert first.effective > 0.5 * first.dense and (second.kind, second.dense) == ("AC", 5 * 7 * 5)
+
+
+def test_popdan_counts_macs_of_its_strength_and_of_its_relus() -> None:
+    actor = built("popdan", actor__hidden_sizes=[7, 5])
+    found = counted(trace(actor, torch.randn(4, 3)), actor=actor)
+    assert [(layer.kind, layer.dense) for layer in found.layers] == [
+        ("MAC", 30 * 7),
+        ("MAC", 7 * 5),
+        ("MAC", 5 * 20),
+        ("MAC", 20),
+    ]
+    assert (found.encoder_exponentials, found.neurons, found.neuron_updates) == (30, 7 + 5 + 20, 0)
+
+
+@pytest.mark.parametrize("connected,number", [("all", 2 * 100), ("no_self", 2 * 90), ("self_only", 2 * 10)])
+def test_connections_of_the_output_population_and_a_readout_of_spikes(connected: str, number: int) -> None:
+    actor = built("ilcsan", actor__hidden_sizes=[7, 5], actor__output_lateral=connected)
+    seen = trace(actor, torch.randn(1, 3))
+    layers = {layer.name: layer for layer in counted(seen, actor=actor).layers}
+    within, decoder = layers["layer3.output_lateral"], layers["decoder"]
+    assert (within.kind, within.dense, within.weights, within.zero_weights) == ("AC", 5 * number, number, 0)
+    spikes_but_the_last = float(seen.neurons[-1].activations[:-1].sum())
+    assert within.effective == spikes_but_the_last * number / 20
+    assert (decoder.kind, decoder.dense) == ("AC", 5 * 20)  # a step's spikes, not rates
 
 
 def test_encoder_and_random_numbers_are_listed() -> None:

@@ -24,11 +24,11 @@ from src.training.gym_task import make_gym
 from tests.actors.configuration import configuration
 from tests.helpers import make_config
 
-ACTORS = ["popsan", "bptsan", "aan"]
+ACTORS = ["popsan", "bptsan", "aan", "popdan", "ilcsan"]
 
 
 def built(actor: str, **overrides: Any) -> Actor:
-    encoder = "task" if actor == "aan" else "deterministic"
+    encoder = "task" if actor in ("aan", "popdan", "mdcsan") else "deterministic"
     return build_actor(configuration(actor, encoder, **overrides), 3, 2, Streams(0))
 
 
@@ -111,6 +111,12 @@ def test_dead_neurons_never_fire_and_the_output_population_is_spared(actor: str)
         torch.equal(a.bias, b.bias) for a, b in zip(weighted_layers(network)[-1:], weighted_layers(built(actor))[-1:])
     )
     assert (after.raw != before.raw).any()
+
+
+def test_dynamic_neurons_are_not_said_to_be_silenced() -> None:
+    """Their potential is squared, so a low bias makes them fire."""
+    with pytest.raises(ConfigurationError, match="how to silence"):
+        disturbances.silence_neurons(built("mdcsan"), Streams(1), 0.4)
 
 
 @pytest.mark.parametrize("env,positions,joints", [("hopper", 5, 3), ("halfcheetah", 8, 6), ("ant_zero_contact", 13, 8)])

@@ -25,6 +25,10 @@ CASES = [
     ("td3", "bptsan_wo_ndt", "deterministic", "ant"),
     ("sac", "aan", "task", "halfcheetah"),
     ("td3", "aan", "task", "hopper"),
+    ("td3", "popdan", "task", "hopper"),
+    ("sac", "mdcsan", "task", "halfcheetah"),
+    ("td3", "ilcsan", "poisson", "hopper"),
+    ("td3", "lif_san", "deterministic", "halfcheetah"),
 ]
 
 

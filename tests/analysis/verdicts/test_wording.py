@@ -39,7 +39,8 @@ def test_too_few_seeds_are_said_once(tmp_path):
     write_grid(tmp_path / "s", actors=("popsan", "bptsan"), seeds=3)
     words = wording.headline(judgement_of(tmp_path / "s", planned=10))
     assert words == (
-        "Too few seeds to judge: at most 3 finished seeds in an arm of every pair, 5 are needed and 10 planned."
+        "Too few seeds to judge: no claim has more than 3 finished seeds in all of its arms; 5 are needed and "
+        "10 planned."
     )
 
 

@@ -1,0 +1,70 @@
+"""Scores under graded disturbances: a figure per algorithm and task, a panel per disturbance, a line per actor."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
+
+from analysis.data.names import actor_name, algorithm_name, ordered_arms, task_name
+from analysis.figures.drawing import Drawing
+from analysis.style import SCREEN, looks
+
+NONE = "none"
+COLUMNS = 4
+
+
+def draw(table: pd.DataFrame) -> list[Drawing]:
+    """``robustness-<algo>-<task>`` of :func:`analysis.robustness.summary`."""
+    return [_drawing(str(algo), str(env), part) for (algo, env), part in table.groupby(["algo", "env"], sort=True)]
+
+
+def _drawing(algo: str, env: str, table: pd.DataFrame) -> Drawing:
+    disturbances = [name for name in table["disturbance"].unique() if name != NONE]
+    arms = ordered_arms(table["arm"])
+    rows = -(-len(disturbances) // COLUMNS)
+    with plt.rc_context(SCREEN.rc):
+        figure, axes = plt.subplots(rows, COLUMNS, figsize=(SCREEN.wide, 2.1 * rows + 0.5), sharey=True, squeeze=False)
+        for axis, disturbance in zip(axes.flat, disturbances):
+            _panel(axis, table, disturbance, arms)
+        for axis in axes.flat[len(disturbances) :]:
+            axis.set_axis_off()
+        normalised = bool(table["normalised"].iloc[0])
+        figure.supylabel("Normalised score" if normalised else "Mean return", fontsize=8)
+        handles, labels = axes[0][0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=min(5, len(arms)))
+    worst = table[table["disturbance"] != NONE].sort_values("change").groupby("arm", sort=False).head(1)
+    alt = "; ".join(
+        f"{actor_name(str(row.arm))} loses most under {row.disturbance} {row.severity:g} "
+        f"({row.change:+.1f}, n = {row.n})"
+        for row in worst.itertuples()
+    )
+    title = f"Robustness, {algorithm_name(algo)}, {task_name(env)}"
+    caption = (
+        "Trained policies under disturbances, mean over seeds; none is the plain evaluation of the same policies in "
+        "the same episodes. Bars: 95 % t interval of the difference to it over seeds, where there are at least two."
+    )
+    return Drawing(f"robustness-{algo}-{env}", title, caption, "figures", figure, table, alt=f"{alt}.")
+
+
+def _panel(axis: Axes, table: pd.DataFrame, disturbance: str, arms: list[str]) -> None:
+    """Severities side by side at equal distances, the undisturbed policy among them as 0."""
+    style = looks(arms)
+    part = table[table["disturbance"].isin([NONE, disturbance])]
+    shown = sorted(part["severity"].unique(), reverse=disturbance == "weight bits")
+    if disturbance == "weight bits":  # 0 stands for no rounding: before 8
+        shown = [0.0, *(severity for severity in shown if severity)]
+    for index, arm in enumerate(arms):
+        own = part[part["arm"] == arm].set_index("severity").reindex(shown)
+        if own["n"].notna().sum() < 2:
+            continue  # this actor can't have the disturbance
+        places = np.arange(len(shown)) + 0.06 * (index - (len(arms) - 1) / 2)
+        half = (own["change_high"] - own["change"]).fillna(0.0)
+        look = style[arm]
+        axis.errorbar(
+            places, own["score"], yerr=half, label=actor_name(arm), color=look.color, linestyle=look.line,
+            marker=look.marker, markersize=3.5, linewidth=1.2, elinewidth=0.8, capsize=2,
+        )  # fmt: skip
+    axis.set_title(disturbance)
+    axis.set_xticks(range(len(shown)), ["none" if severity == 0 else f"{severity:g}" for severity in shown])
