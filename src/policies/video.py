@@ -99,7 +99,7 @@ class Film:
         self._fps = fps / self._every
         self._kept: list[np.ndarray] = []
         self._writer: Generator[None, bytes, None] | None = None
-        self._font = ImageFont.load_default(size=16)
+        self._font = ImageFont.load_default(size=22)
 
     def __enter__(self) -> Film:
         import imageio_ffmpeg
@@ -127,7 +127,7 @@ class Film:
         frame = Image.fromarray(np.asarray(self._environment.render()))
         draw = ImageDraw.Draw(frame)
         text = f"step {step}   return {episode_return:,.0f}"
-        draw.text((10, SIZE - 28), text, font=self._font, fill="white", stroke_width=2, stroke_fill="black")
+        draw.text((10, SIZE - 36), text, font=self._font, fill="white", stroke_width=2, stroke_fill="black")
         picture = np.asarray(frame)
         self._writer.send(np.ascontiguousarray(picture).tobytes())
         if step // self._every % _KEEP_EVERY == 0:
