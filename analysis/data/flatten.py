@@ -35,7 +35,9 @@ def differing_keys(
     hashed_b: Collection[str] | None = None,
     exempt: frozenset[str] = WHO,
 ) -> list[tuple[str, Any, Any]]:
-    """Sorted ``(key, value in a, value in b)`` where two nested configurations differ in what changes numbers.
+    """``(key, value in a, value in b)`` where two nested configurations differ in what changes numbers.
+
+    Kinds come first, since the others follow from them; then by name.
 
     Args:
         a: a resolved configuration.
@@ -50,7 +52,7 @@ def differing_keys(
     keys = (_hashed(left, hashed_a) | _hashed(right, hashed_b)) - exempt
     return [
         (key, left.get(key, ABSENT), right.get(key, ABSENT))
-        for key in sorted(keys)
+        for key in sorted(keys, key=lambda key: (not key.endswith(".kind"), key))  # what the others follow from, first
         if left.get(key, ABSENT) != right.get(key, ABSENT)
     ]
 

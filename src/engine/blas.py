@@ -129,6 +129,8 @@ def _describe(name: str) -> Library:
     from threadpoolctl import threadpool_info  # it finds the library only once SciPy has loaded it
 
     for found in threadpool_info():
-        if found["user_api"] == "blas" and any("scipy" in part.lower() for part in Path(found["filepath"]).parts[-4:]):
+        if found["user_api"] == "blas" and any(
+            "scipy" in part.lower() for part in Path(found["filepath"]).parts[-4:-1]
+        ):
             return Library(found["internal_api"], found["version"], found.get("architecture"))
     return Library("unknown", None, None)  # SciPy's, which threadpoolctl does not know (Apple's Accelerate)

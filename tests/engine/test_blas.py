@@ -64,6 +64,23 @@ def test_a_resume_where_its_library_is_gone_takes_the_other(monkeypatch):
         blas.select("mkl")
 
 
+def test_the_library_on_record_is_scipys_and_not_numpys(monkeypatch):
+    """Both bring an OpenBLAS, whose file is called libscipy_openblas in either; the versions differ."""
+    import threadpoolctl
+
+    def found(folder, version, name="libscipy_openblas.so"):
+        path = f"/x/site-packages/{folder}/{name}"
+        return {"user_api": "blas", "internal_api": "openblas", "filepath": path, "version": version}
+
+    libraries = [found("numpy.libs", "2"), found("scipy.libs", "1")]
+    monkeypatch.setattr(threadpoolctl, "threadpool_info", lambda: libraries)
+    assert blas._describe.__wrapped__("openblas") == blas.Library("openblas", "1", None)
+    libraries[1] = found("scipy/.dylibs", "3")  # on a Mac
+    assert blas._describe.__wrapped__("openblas").version == "3"
+    del libraries[1]
+    assert blas._describe.__wrapped__("openblas") == blas.Library("unknown", None, None)
+
+
 def test_a_held_back_openblas_is_told(monkeypatch):
     blas.select("openblas")
     monkeypatch.setenv("OPENBLAS_CORETYPE", "Haswell")
