@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from rich.console import Console
 from rich.table import Table
 
-from src.experiment.files import last_return, last_row
+from src.experiment.files import last_row, mean_returns
 from src.experiment.identity import Difference, differences
 from src.experiment.machine import repository_path
 from src.experiment.plan import compared_on_disk
@@ -42,7 +42,8 @@ class SeedStatus(NamedTuple):
     state: RunState
     step: int
     total_steps: int
-    last_return: float | None
+    last_return: float | None  # mean of the newest evaluation's episodes
+    final_return: float | None  # of a complete run: mean of the evaluations in the last 10 % of its steps
     steps_per_second: float | None  # of the last interval; of a complete run over all
     why: str
 
@@ -105,13 +106,17 @@ def _seed(path: Path) -> int:
 def _seed_status(path: Path) -> SeedStatus:
     seen = observe(path)
     if seen.manifest is None:
-        return SeedStatus(_seed(path), seen.state, 0, 0, None, None, seen.why)
+        return SeedStatus(_seed(path), seen.state, 0, 0, None, None, None, seen.why)
     row = last_row(path / "training.csv")
     rate = float(row.get("steps_per_second") or 0) if row else 0.0
     if seen.state == RunState.COMPLETE and seen.manifest.wall_time_seconds > 0:
         rate = seen.step / seen.manifest.wall_time_seconds
-    returns = last_return(path / "evaluations.csv")
-    return SeedStatus(_seed(path), seen.state, seen.step, seen.manifest.total_steps, returns, rate or None, seen.why)
+    total = seen.manifest.total_steps
+    returns = mean_returns(path / "evaluations.csv")
+    newest = returns[max(returns)] if returns else None
+    tenth = [mean for step, mean in returns.items() if seen.state == RunState.COMPLETE and step > 0.9 * total]
+    final = sum(tenth) / len(tenth) if tenth else None
+    return SeedStatus(_seed(path), seen.state, seen.step, total, newest, final, rate or None, seen.why)
 
 
 def _mixed(paths: Sequence[Path]) -> str:
@@ -164,7 +169,7 @@ def show(grid: Sequence[Row], console: Console) -> None:
         table.add_column("done" if state == RunState.COMPLETE else state)
     if missing:
         table.add_column("missing")
-    for column in ("return", "steps", "steps/s", "time left"):
+    for column in ("last eval.", "last 10 %", "steps", "steps/s", "time left"):
         table.add_column(column, justify="right", no_wrap=True)
     for row in grid:
         seeds = [ranges(row.seeds(state)) for state in present] + ([ranges(row.missing)] if missing else [])
@@ -174,6 +179,11 @@ def show(grid: Sequence[Row], console: Console) -> None:
     if missing:
         totals.append(f"{missing} missing")
     console.print("runs: " + ", ".join(totals) + "  (the columns above list seeds)", highlight=False)
+    _print(
+        console,
+        "last eval.: mean return of each seed's newest evaluation; last 10 %: of the evaluations in the last 10 % of "
+        "the steps, of complete runs; both are means over the seeds that have one",
+    )
     for row in grid:
         for run in row.runs:
             if run.state in (RunState.FAILED, RunState.DIVERGED):
@@ -182,15 +192,17 @@ def show(grid: Sequence[Row], console: Console) -> None:
             _print(console, f"not one configuration: {row.name}: {row.mixed}")
 
 
-def _progress(runs: Sequence[SeedStatus]) -> tuple[str, str, str, str]:
-    """Mean last return, steps (the least), speed (the mean) and time left (the longest) of a row."""
-    returns = [run.last_return for run in runs if run.last_return is not None]
+def _progress(runs: Sequence[SeedStatus]) -> tuple[str, str, str, str, str]:
+    """Mean of the newest and of the final returns, steps (the least), speed (the mean), time left (the longest)."""
+    newest = [run.last_return for run in runs if run.last_return is not None]
+    final = [run.final_return for run in runs if run.final_return is not None]
     rates = [run.steps_per_second for run in runs if run.steps_per_second]
     left = [run.seconds_left for run in runs if run.state == RunState.RUNNING and run.seconds_left is not None]
     totals = sorted({run.total_steps for run in runs})
     lengths = thousands(totals[0]) if len(totals) == 1 else f"{thousands(totals[0])}..{thousands(totals[-1])}"
     return (
-        number(sum(returns) / len(returns) if returns else None),
+        number(sum(newest) / len(newest) if newest else None),
+        number(sum(final) / len(final) if final else None),
         f"{thousands(min(run.step for run in runs))}/{lengths}",
         f"{sum(rates) / len(rates):.0f}" if rates else "-",
         duration(max(left)) if left else "-",

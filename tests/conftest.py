@@ -1,11 +1,17 @@
 """For every test: the same random numbers every time, examples untimed on a busy machine, no trace of training."""
 
+import os
 import signal
 import sys
 from collections.abc import Iterator
 
 import pytest
 from hypothesis import settings
+
+if os.environ.get("TEST_BLAS"):  # the suite under the other library: TEST_BLAS=mkl python -m pytest
+    from src.engine import blas
+
+    blas.preferred = lambda: os.environ["TEST_BLAS"]
 
 settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")

@@ -10,6 +10,7 @@ import errno
 import os
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 EVALUATION_COLUMNS = ("step", "episode", "return", "length")
@@ -151,13 +152,19 @@ def last_row(path: Path) -> dict[str, str] | None:
 
 
 def last_return(path: Path) -> float | None:
-    """Mean return of the last evaluation in an ``evaluations.csv``."""
-    try:
-        rows = [line.split(",") for line in path.read_text().split("\n")[1:-1]]
-    except FileNotFoundError:
-        return None
-    returns = [float(row[2]) for row in rows if row[0] == rows[-1][0]]
-    return sum(returns) / len(returns) if returns else None
+    """Mean return of the last evaluation in an ``evaluations.csv``; None where there is none."""
+    means = mean_returns(path)
+    return means[max(means)] if means else None
+
+
+def mean_returns(path: Path) -> dict[int, float]:
+    """Mean return of each evaluation in an ``evaluations.csv``, by its step; empty where there is none."""
+    episodes: dict[int, list[float]] = {}
+    with suppress(FileNotFoundError):
+        for line in path.read_text().split("\n")[1:-1]:
+            step, _, episode_return = line.split(",")[:3]
+            episodes.setdefault(int(step), []).append(float(episode_return))
+    return {step: sum(returns) / len(returns) for step, returns in episodes.items()}
 
 
 def _field(value: object) -> str:

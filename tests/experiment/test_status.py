@@ -32,11 +32,24 @@ def test_the_table_shows_every_seed_under_its_state(study, capsys, monkeypatch):
     out = capsys.readouterr().out
     rows = {line.split()[2]: line.split() for line in out.splitlines() if line.startswith("td3")}
     # algo env label encoder | done interrupted failed (diverged: none) | return, steps, steps/s, time left
-    assert rows["bptsan"][4:] == ["0", "1", "3", "15.0", "500/2k", "50", "-"]
-    assert rows["aan"][4:] == ["0", "1,3", "15.0", "700/2k", "50", "-"]
+    assert rows["bptsan"][4:] == ["0", "1", "3", "15.0", "15.0", "500/2k", "50", "-"]
+    assert rows["aan"][4:] == ["0", "1,3", "15.0", "-", "700/2k", "50", "-"]
     assert "runs: 1 done, 1 interrupted, 1 failed, 1 diverged, 2 missing" in out
     assert "failed: td3/hopper/bptsan/poisson/seed_3: the disk is full" in out
     assert "diverged: td3/hopper/aan/none/seed_0: nan at step 700" in out
+
+
+def test_what_a_return_is_the_mean_of_is_said_and_the_last_tenth_is_of_complete_runs(study, tmp_path, capsys):
+    """A last evaluation flatters or slanders a run; the report's number is the mean of the last 10 %."""
+    with acquire(smoke(tmp_path, "seed=5")) as (run, _):
+        for step, value in ((0, 1.0), (1800, 100.0), (1900, 10.0), (2000, 30.0)):
+            run.evaluations.append(step, [(value, 5), (value, 5)])
+        run.update_manifest(status="complete", step=2000)
+    five = status.read_study(study)[1].runs[-1]
+    assert (five.last_return, five.final_return) == (30.0, 20.0)  # beyond 0.9 * 2,000
+    assert status.read_study(study)[1].runs[1].final_return is None
+    status.main([str(study)])
+    assert "newest evaluation" in capsys.readouterr().out
 
 
 def test_a_live_run_is_running_and_its_time_left_is_told(study, tmp_path, capsys, monkeypatch):
