@@ -17,7 +17,7 @@ OPTIONS = {
     for group in ("algo", "actor", "encoder", "env", "protocol", "logger")
 }
 NAMES = {
-    "algo": {"td3", "sac"},
+    "algo": {"td3", "sac", "td3_proxy"},
     "actor": {"aan", "popsan", "bptsan", "bptsan_wo_ndt", "bptsan_wo_li", "popdan", "mdcsan", "ilcsan", "lif_san"},
     "encoder": {"task", "poisson", "deterministic", "analog"},
     "env": {"hopper", "walker2d", "halfcheetah", "ant", "ant_zero_contact", "ant_no_contact"},
