@@ -29,6 +29,8 @@ def collect(folder: Path) -> Study:
         write_csv(out / "evaluations.csv", study.evaluations)
         write_csv(out / "training.csv", _six_digits(study.training))
         write_csv(out / "operations.csv", study.operations)
+        if len(study.robustness):
+            write_csv(out / "robustness.csv", study.robustness)
         about = {
             "format": FORMAT,
             "study": study.name,
@@ -53,8 +55,12 @@ def load(folder: Path) -> Study:
         about = json.loads((source / "study.json").read_bytes())
         if about["format"] != FORMAT:
             raise InputError(f"{source} was written by another version: {again} again.")
+        played = {}
+        if (source / "robustness.csv").is_file():
+            played["robustness"] = read_csv(source / "robustness.csv", dtype={"arm": str, "algo": str, "env": str})
         return Study(
             about["study"],
+            **played,
             runs=read_csv(source / "runs.csv", dtype=dict.fromkeys(_TEXT, str)),
             evaluations=read_csv(source / "evaluations.csv", dtype={"arm": str, "algo": str, "env": str}),
             training=read_csv(source / "training.csv", dtype={"arm": str, "algo": str, "env": str}),

@@ -20,6 +20,12 @@ TASKS = {
     "ant": "Ant-v4 (N=111)",
     "ant_zero_contact": "Ant-v4 (N=111, contacts 0)",
     "ant_no_contact": "Ant-v4 (N=27)",
+    "hopper_v5": "Hopper-v5",
+    "walker2d_v5": "Walker2d-v5",
+    "halfcheetah_v5": "HalfCheetah-v5",
+    "ant_v5": "Ant-v5",
+    "inverted_double_pendulum": "InvertedDoublePendulum-v4",
+    "humanoid": "Humanoid-v4",
 }
 ALGORITHMS = {"td3": "TD3", "sac": "SAC"}
 #: Longer names are shortened where they are printed: a figure has no room for them.

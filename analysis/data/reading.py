@@ -17,6 +17,7 @@ from analysis.data.errors import UnreadableRunError
 from analysis.data.evaluations import read_evaluations
 from analysis.data.files import read_text
 from analysis.data.operations import Operations, read_operations
+from analysis.data.robustness import read_robustness
 from analysis.data.schema import Configuration, Manifest, check_configuration, parse_manifest
 from analysis.data.training_log import read_training
 from analysis.data.yaml_tree import load_tree
@@ -38,6 +39,7 @@ class Run:
         training: the rows of ``training.csv``.
         warnings: what was left out of it, as clauses.
         operations: what a decision of its policy costs, where that was counted.
+        robustness: its returns under disturbances, where they were played; else empty.
     """
 
     path: str
@@ -48,6 +50,7 @@ class Run:
     training: pd.DataFrame
     warnings: tuple[str, ...]
     operations: Operations | None
+    robustness: pd.DataFrame
 
 
 def read_run(folder: Path, path: str) -> Run:
@@ -71,7 +74,8 @@ def read_run(folder: Path, path: str) -> Run:
     early = (manifest.step or 0) < protocol.evaluation_interval
     training = read_training(folder / "training.csv", warnings, early)
     operations = read_operations(folder / "operations.json", warnings)
-    return Run(path, manifest, config, settings, evaluations, training, tuple(warnings), operations)
+    robustness = read_robustness(folder / "robustness.csv", warnings)
+    return Run(path, manifest, config, settings, evaluations, training, tuple(warnings), operations, robustness)
 
 
 def _manifest(folder: Path, path: str) -> Manifest:

@@ -19,6 +19,7 @@ from analysis.data.names import on_one_line
 from analysis.data.operations import COLUMNS as OPERATION_COLUMNS
 from analysis.data.outcome import Judged, Outcome, counts, judge
 from analysis.data.reading import Run, read_run
+from analysis.data.robustness import COLUMNS as ROBUSTNESS_COLUMNS
 from analysis.data.training_steps import due
 
 KEYS = ["algo", "env", "arm", "seed"]
@@ -74,6 +75,7 @@ class Study:
         refused: cells that mix configurations; none of their runs stands in the frames.
         warnings: what a reader has to know, sentences.
         operations: one row per run that has an ``operations.json``, ``KEYS`` and the totals of a decision.
+        robustness: one row per run and disturbance that was played, ``KEYS, disturbance, severity, return``.
     """
 
     name: str
@@ -85,6 +87,7 @@ class Study:
     refused: list[Refused] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     operations: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=[*KEYS, *OPERATION_COLUMNS]))
+    robustness: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=[*KEYS, *ROBUSTNESS_COLUMNS]))
 
     @property
     def counted(self) -> pd.DataFrame:
@@ -132,6 +135,10 @@ def _assemble(name: str, judged: list[Judged], refused: list[Refused], warnings:
         training=_training(judged),
         refused=refused,
         operations=_operations(judged),
+        robustness=_concat(
+            [one.run.robustness.assign(**_keys(one.run)) for one in judged if len(one.run.robustness)],
+            [*KEYS, *ROBUSTNESS_COLUMNS],
+        ),
     )
     for cell in refused:
         seeds = ", ".join(map(str, cell.seeds))

@@ -21,6 +21,7 @@ from analysis.figures import (
     learning_curves,
     probability_of_improvement,
     profiles,
+    robustness,
     sample_efficiency,
     spiking_health,
     sweep_line,
@@ -43,6 +44,7 @@ FIGURES = (
     sample_efficiency.draw,
     probability_of_improvement.draw,
     sweep_line.draw,
+    robustness.draw,
     spiking_health.draw,
 )
 

@@ -1,4 +1,4 @@
-"""Scores under graded disturbances: a figure per algorithm and task, a panel per disturbance, a line per actor."""
+"""Scores under graded disturbances: a figure per task, a panel per disturbance, a line per actor."""
 
 from __future__ import annotations
 
@@ -7,45 +7,52 @@ import pandas as pd
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
-from analysis.data.names import actor_name, algorithm_name, ordered_arms, task_name
+from analysis.data.names import actor_name, algorithm_name, ordered_arms, ordered_tasks, task_name
+from analysis.data.robustness import NONE
 from analysis.figures.drawing import Drawing
-from analysis.style import SCREEN, looks
+from analysis.figures.view import View
+from analysis.references import scale
+from analysis.robustness import summary
+from analysis.style import looks
 
-NONE = "none"
 COLUMNS = 4
 
 
-def draw(table: pd.DataFrame) -> list[Drawing]:
-    """``robustness-<algo>-<task>`` of :func:`analysis.robustness.summary`."""
-    return [_drawing(str(algo), str(env), part) for (algo, env), part in table.groupby(["algo", "env"], sort=True)]
+def draw(view: View) -> list[Drawing]:
+    """``robustness-<algo>-<task>``; none where no policy was disturbed."""
+    played = view.study.robustness[view.study.robustness["algo"] == view.algo]
+    return [_drawing(view, env, played[played["env"] == env]) for env in ordered_tasks(played["env"])]
 
 
-def _drawing(algo: str, env: str, table: pd.DataFrame) -> Drawing:
+def _drawing(view: View, env: str, played: pd.DataFrame) -> Drawing:
+    known = scale(view.cells, view.algo, env, view.claims)
+    table = summary(played, known)
     disturbances = [name for name in table["disturbance"].unique() if name != NONE]
     arms = ordered_arms(table["arm"])
-    rows = -(-len(disturbances) // COLUMNS)
-    with plt.rc_context(SCREEN.rc):
-        figure, axes = plt.subplots(rows, COLUMNS, figsize=(SCREEN.wide, 2.1 * rows + 0.5), sharey=True, squeeze=False)
-        for axis, disturbance in zip(axes.flat, disturbances):
-            _panel(axis, table, disturbance, arms)
-        for axis in axes.flat[len(disturbances) :]:
-            axis.set_axis_off()
-        normalised = bool(table["normalised"].iloc[0])
-        figure.supylabel("Normalised score" if normalised else "Mean return", fontsize=8)
-        handles, labels = axes[0][0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=min(5, len(arms)))
+    rows = max(1, -(-len(disturbances) // COLUMNS))
+    size = (view.style.width(9.6), 2.1 * rows + 0.5)
+    figure, axes = plt.subplots(rows, COLUMNS, figsize=size, sharey=True, squeeze=False)
+    for axis, disturbance in zip(axes.flat, disturbances):
+        _panel(axis, table, disturbance, arms)
+    for axis in axes.flat[len(disturbances) :]:
+        axis.set_axis_off()
+    figure.supylabel("Mean return" if known is None else "Normalised score", fontsize=8)
+    handles, labels = axes[0][0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=min(5, len(arms)))
     worst = table[table["disturbance"] != NONE].sort_values("change").groupby("arm", sort=False).head(1)
     alt = "; ".join(
         f"{actor_name(str(row.arm))} loses most under {row.disturbance} {row.severity:g} "
         f"({row.change:+.1f}, n = {row.n})"
         for row in worst.itertuples()
     )
-    title = f"Robustness, {algorithm_name(algo)}, {task_name(env)}"
+    title = f"Robustness, {algorithm_name(view.algo)}, {task_name(env)}"
     caption = (
         "Trained policies under disturbances, mean over seeds; none is the plain evaluation of the same policies in "
-        "the same episodes. Bars: 95 % t interval of the difference to it over seeds, where there are at least two."
+        "the same episodes. Bars: 95 % t interval of the difference to it over seeds, where there are at least two. "
+        "The differences stand in the CSV; what the severities mean, in docs/policies.md."
     )
-    return Drawing(f"robustness-{algo}-{env}", title, caption, "figures", figure, table, alt=f"{alt}.")
+    name = f"robustness-{view.algo}-{env}"
+    return Drawing(name, title, caption, "health", figure, table, alt=f"{alt}.", folded=True)
 
 
 def _panel(axis: Axes, table: pd.DataFrame, disturbance: str, arms: list[str]) -> None:

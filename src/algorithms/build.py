@@ -15,12 +15,13 @@ from src.algorithms.learner import Learner, UpdateStreams
 from src.algorithms.policy import LogStdNetwork
 from src.algorithms.sac import SAC
 from src.algorithms.td3 import TD3
-from src.config import ConfigurationError, ExperimentConfig, TD3Config
+from src.algorithms.td3_proxy import ProxyActor, TD3Proxy
+from src.config import ConfigurationError, ExperimentConfig, TD3Config, TD3ProxyConfig
 from src.streams import Streams
 
 
 class Backend(NamedTuple):
-    """The two algorithms, in plain PyTorch or in the fast form of :mod:`src.engine`."""
+    """The algorithms that both have: plain PyTorch or the fast form of :mod:`src.engine`."""
 
     td3: type[TD3]
     sac: type[SAC]
@@ -53,6 +54,9 @@ def build_learner(
         encoder=streams.torch("encoder"),
     )
     backend = engine_for(config, actor)
+    if isinstance(algo, TD3ProxyConfig):
+        proxy = ProxyActor(observation_size, action_size, algo.proxy_hidden_sizes, streams).to(config.device)
+        return TD3Proxy(algo, actor, critic, proxy, action_limit, update_streams)
     if isinstance(algo, TD3Config):
         return backend.td3(algo, actor, critic, action_limit, update_streams)
     if algo.log_std_network == "shared":
@@ -75,7 +79,7 @@ def acting(config: ExperimentConfig, actor: Actor) -> Callable[[Tensor, torch.Ge
 
 
 def engine_for(config: ExperimentConfig, actor: Actor) -> Backend:
-    """The backend that ``config.backend`` asks for: plain, fast, or (auto) fast where it serves the actor.
+    """The backend that ``config.backend`` asks for: plain, fast, or (auto) fast where it serves algorithm and actor.
 
     Raises:
         ConfigurationError: fast is asked for and does not serve.
@@ -84,11 +88,11 @@ def engine_for(config: ExperimentConfig, actor: Actor) -> Backend:
         return PLAIN
     from src.engine import fast  # the plain path needs nothing of it
 
-    refusal = fast.refusal(actor, config.device)
+    served, refusal = f"algo {config.algo.name}", fast.refused_algorithm(config.algo)
+    if refusal is None:
+        served, refusal = f"actor {config.actor.name}", fast.refusal(actor, config.device)
     if refusal is None:
         return Backend(fast.TD3, fast.SAC)
     if config.backend == "fast":
-        raise ConfigurationError(
-            f"backend: fast does not serve actor {config.actor.name} ({refusal}); use auto or plain."
-        )
+        raise ConfigurationError(f"backend: fast does not serve {served} ({refusal}); use auto or plain.")
     return PLAIN

@@ -27,7 +27,7 @@ class Minibatch(NamedTuple):
 
 
 class Minibatches(NamedTuple):
-    """The C minibatches of one burst, contiguous."""
+    """The C minibatches of one burst, contiguous; C is ``minibatches_per_update`` times its updates."""
 
     observation: Tensor  # [C, B, N]
     action: Tensor  # [C, B, M]
@@ -64,6 +64,7 @@ class Learner(ABC):
         self.optimizers: dict[str, torch.optim.Adam] = {}
         self.critic_updates = 0
         self.actor_updates = 0
+        self.minibatches_per_update = 1
 
     @abstractmethod
     def explore(self, observation: Tensor) -> Tensor:
@@ -71,7 +72,7 @@ class Learner(ABC):
 
     @abstractmethod
     def learn(self, burst: Minibatches) -> dict[str, float]:
-        """One gradient update per minibatch; returns the means of the burst.
+        """One critic update per ``minibatches_per_update`` minibatches; returns the means of the burst.
 
         Raises:
             Diverged: when a loss is not finite.

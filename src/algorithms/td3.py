@@ -7,13 +7,14 @@ them together.
 from __future__ import annotations
 
 import copy
+from collections.abc import Iterator
 
 import torch
 from torch import Tensor
 
 from src.actors.actor import Actor
 from src.algorithms.critic import TwinCritic
-from src.algorithms.learner import Learner, Minibatches, UpdateStreams, adam, follow
+from src.algorithms.learner import Learner, Minibatch, Minibatches, UpdateStreams, adam, follow
 from src.algorithms.metrics import BurstRecord
 from src.algorithms.policy import DeterministicPolicy
 from src.config import TD3Config
@@ -95,9 +96,10 @@ class TD3(Learner):
         record = BurstRecord()
         actor_updates_before = self.actor_updates
         noise_clip = config.target_noise_clip * self.action_limit
-        noise = torch.randn(burst.action.shape, generator=self.streams.update_noise).to(burst.action)
+        shape = burst.action[:: self.minibatches_per_update].shape
+        noise = torch.randn(shape, generator=self.streams.update_noise).to(burst.action)
         noise = noise * (config.target_noise * self.action_limit)
-        for batch, smoothing in zip(burst.one_by_one(), noise):
+        for batch, smoothing in zip(self.minibatches(burst, record), noise):
             with torch.no_grad():
                 next_action = self.target_policy(batch.next_observation, self.streams.encoder)
                 next_action = smoothed_target_action(next_action, smoothing, noise_clip, self.action_limit)
@@ -122,7 +124,15 @@ class TD3(Learner):
                 if health is not None:
                     self.record_health(record, health)
 
-                follow(self.target_policy, self.policy, config.polyak)
-                follow(self.target_critic, self.critic, config.polyak)
+                self.follow_targets()
             self.critic_updates += 1
         return record.means()
+
+    def minibatches(self, burst: Minibatches, record: BurstRecord) -> Iterator[Minibatch]:
+        """The minibatch of each update, drawn as it comes."""
+        return burst.one_by_one()
+
+    def follow_targets(self) -> None:
+        """The targets' step: ``target <- polyak * target + (1 - polyak) * online``."""
+        follow(self.target_policy, self.policy, self.config.polyak)
+        follow(self.target_critic, self.critic, self.config.polyak)

@@ -18,6 +18,7 @@ from src.config.schema import (
     SACConfig,
     SpikingActorConfig,
     TD3Config,
+    TD3ProxyConfig,
 )
 from src.config.validation import ConfigurationError, to_dict, validate
 
@@ -40,6 +41,7 @@ __all__ = [
     "SACConfig",
     "SpikingActorConfig",
     "TD3Config",
+    "TD3ProxyConfig",
     "to_dict",
     "validate",
 ]

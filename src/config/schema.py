@@ -179,6 +179,16 @@ class TD3Config:
 
 
 @dataclass(frozen=True, config=_STRICT)
+class TD3ProxyConfig(TD3Config):
+    """TD3 with a proxy target (Xu et al., NeurIPS 2025)."""
+
+    name: Literal["td3_proxy"]  # type: ignore[assignment]
+    proxy_hidden_sizes: LayerSizes
+    proxy_steps: Positive  # K: minibatches that the proxy imitates the actor on before each critic update
+    proxy_learning_rate: PositiveFloat
+
+
+@dataclass(frozen=True, config=_STRICT)
 class SACConfig:
     """SAC with a fixed temperature and Spinning Up's hyper-parameters [SU]."""
 
@@ -198,7 +208,7 @@ class SACConfig:
     log_std_max: float
 
 
-AlgoConfig = Annotated[TD3Config | SACConfig, Field(discriminator="name")]
+AlgoConfig = Annotated[TD3Config | TD3ProxyConfig | SACConfig, Field(discriminator="name")]
 
 
 @dataclass(frozen=True, config=_STRICT)

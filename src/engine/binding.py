@@ -15,6 +15,7 @@ from src.actors.lif import LIFConstants
 from src.actors.mlp_actor import MLPActor
 from src.actors.spiking_actor import SpikingActor
 from src.algorithms.metrics import BurstRecord
+from src.config import AlgoConfig, TD3ProxyConfig
 from src.engine.bound import BoundActor
 from src.engine.flat import FlatParameters
 from src.engine.mlp import BoundMLPActor
@@ -43,6 +44,11 @@ def refusal(actor: Actor, device: str = "cpu") -> str | None:
     if any(parametrize.is_parametrized(module) for module in actor.modules()):
         return "some of its parameters are made of others"
     return None
+
+
+def refused_algorithm(algo: AlgoConfig) -> str | None:
+    """Why the engine does not serve an algorithm, whatever the actor; None where it does."""
+    return "it computes TD3 and SAC, no proxy target" if isinstance(algo, TD3ProxyConfig) else None
 
 
 def _unknown_choice(actor: SpikingActor) -> str | None:

@@ -9,12 +9,12 @@ from torch import Tensor
 
 from src.actors.actor import Actor
 from src.engine import sac, td3
-from src.engine.binding import bind, refusal
+from src.engine.binding import bind, refusal, refused_algorithm
 from src.engine.flat import FlatParameters
 
 TD3, SAC = td3.FastTD3, sac.FastSAC
 
-__all__ = ["SAC", "TD3", "acting", "refusal"]
+__all__ = ["SAC", "TD3", "acting", "refusal", "refused_algorithm"]
 
 
 def acting(actor: Actor) -> Callable[[Tensor, torch.Generator], Tensor]:

@@ -191,7 +191,8 @@ class TrainingSession:
             self.interval.add({"training_return": episode_return})
         if self.step <= p.update_after:
             return
-        sample = sample_minibatches(self.replay, p.update_every, self.config.algo.batch_size)
+        count = p.update_every * self.learner.minibatches_per_update
+        sample = sample_minibatches(self.replay, count, self.config.algo.batch_size)
         burst = Minibatches(
             observation=self.normalizer.normalize(sample.observation).to(device),
             action=sample.action.to(device),
@@ -251,7 +252,8 @@ class TrainingSession:
             "critic_updates": self.learner.critic_updates,
             "actor_updates": self.learner.actor_updates,
         }
-        for name in (*METRICS, "training_return"):
+        proxy = ("proxy_loss",) if "proxy" in self.learner.modules else ()
+        for name in (*METRICS, *proxy, "training_return"):
             row[name] = self.interval.mean(name)
         row["steps_per_second"] = self._steps_per_second()
         for name in health_columns(len(self.learner.policy.actor.layer_parameters())):

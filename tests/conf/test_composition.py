@@ -16,11 +16,12 @@ OPTIONS = {
     group: {path.stem: composed(f"{group}={path.stem}")[group] for path in sorted((CONF / group).glob("*.yaml"))}
     for group in ("algo", "actor", "encoder", "env", "protocol", "logger")
 }
+OTHER_TASKS = {"hopper_v5", "walker2d_v5", "halfcheetah_v5", "ant_v5", "inverted_double_pendulum", "humanoid"}
 NAMES = {
-    "algo": {"td3", "sac"},
+    "algo": {"td3", "sac", "td3_proxy"},
     "actor": {"aan", "popsan", "bptsan", "bptsan_wo_ndt", "bptsan_wo_li", "popdan", "mdcsan", "ilcsan", "lif_san"},
     "encoder": {"task", "poisson", "deterministic", "analog"},
-    "env": {"hopper", "walker2d", "halfcheetah", "ant", "ant_zero_contact", "ant_no_contact"},
+    "env": {"hopper", "walker2d", "halfcheetah", "ant", "ant_zero_contact", "ant_no_contact", *OTHER_TASKS},
     "protocol": {"paper", "short", "demo", "smoke"},
     "logger": {"tensorboard", "wandb", "none"},
 }

@@ -11,7 +11,20 @@ from src.config import EnvConfig
 from src.training.collection import Transitions
 from tests.helpers import make_config
 
-TASKS = ("hopper", "walker2d", "halfcheetah", "ant", "ant_zero_contact", "ant_no_contact")
+TASKS = (
+    "hopper",
+    "walker2d",
+    "halfcheetah",
+    "ant",
+    "ant_zero_contact",
+    "ant_no_contact",
+    "hopper_v5",
+    "walker2d_v5",
+    "halfcheetah_v5",
+    "ant_v5",
+    "inverted_double_pendulum",
+    "humanoid",  # observes inertias, velocities and forces; its reward reads the bodies' centres of mass
+)
 
 
 def task(name: str, **changes: Any) -> EnvConfig:

@@ -25,6 +25,12 @@ SIZES = {
     "ant": (111, 8),
     "ant_zero_contact": (111, 8),
     "ant_no_contact": (27, 8),
+    "hopper_v5": (11, 3),
+    "walker2d_v5": (17, 6),
+    "halfcheetah_v5": (17, 6),
+    "ant_v5": (105, 8),
+    "inverted_double_pendulum": (11, 1),
+    "humanoid": (376, 17),
 }
 
 
@@ -38,7 +44,9 @@ def other(id: str, **kwargs: object) -> EnvConfig:
 def test_sizes_are_the_papers(name: str) -> None:
     assert sizes(task(name)) == SIZES[name]
     environment = TrainingEnvironment(task(name), seed=0)
-    assert (environment.observation_size, environment.action_size, environment.action_limit) == (*SIZES[name], 1.0)
+    limit = 0.4 if name == "humanoid" else 1.0
+    assert (environment.observation_size, environment.action_size) == SIZES[name]
+    assert environment.action_limit == pytest.approx(limit)
 
 
 def test_zero_padding_appends_zeros_to_the_plain_task() -> None:
@@ -50,7 +58,7 @@ def test_zero_padding_appends_zeros_to_the_plain_task() -> None:
     assert reward == plain_reward
 
 
-@pytest.mark.parametrize("name", ["hopper", "halfcheetah", "ant"])
+@pytest.mark.parametrize("name", ["hopper", "halfcheetah", "ant", "ant_v5", "inverted_double_pendulum", "humanoid"])
 def test_the_steps_are_gymnasiums(name: str) -> None:
     """Also where episodes end: the last observation is the episode's own, the next is a reset's."""
     config = task(name, max_episode_steps=60)

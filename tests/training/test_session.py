@@ -25,6 +25,7 @@ CASES = [
     ("td3", "bptsan_wo_ndt", "deterministic", "ant"),
     ("sac", "aan", "task", "halfcheetah"),
     ("td3", "aan", "task", "hopper"),
+    ("td3_proxy", "popsan", "poisson", "hopper"),
     ("td3", "popdan", "task", "hopper"),
     ("sac", "mdcsan", "task", "halfcheetah"),
     ("td3", "ilcsan", "poisson", "hopper"),

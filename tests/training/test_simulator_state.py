@@ -24,18 +24,10 @@ from tests.helpers import ROOT
 from tests.training.tasks import TASKS, assert_same, random_policy, task
 
 FRAMES, BATCHES, SAVE_AFTER = 50, 8, (1, 3, 6)
-HUMANOID = EnvConfig(
-    name="humanoid",
-    id="Humanoid-v4",  # observes inertias, velocities and forces; its reward reads the bodies' centres of mass
-    kwargs={},
-    zero_padding=0,
-    max_episode_steps=1000,
-    spike_coding="deterministic",
-)
 
 
 def config_of(name: str) -> EnvConfig:
-    return HUMANOID if name == "humanoid" else task(name, max_episode_steps=137)
+    return task(name, max_episode_steps=137)
 
 
 def through_a_file(state: dict[str, Any]) -> dict[str, Any]:
@@ -67,7 +59,7 @@ def resume(name: str, saved: dict[str, Any], batches: int) -> list[Transitions]:
     return [transitions(next(collector)) for _ in range(batches)]
 
 
-@pytest.mark.parametrize("name", [*TASKS, "humanoid"])
+@pytest.mark.parametrize("name", TASKS)
 def test_a_restored_environment_continues_bit_for_bit(name: str) -> None:
     batches, saved = play(name)
     assert sum(len(batch.finished) for batch in batches[SAVE_AFTER[0] :]) >= 2, "no episode ends after the resume"

@@ -226,7 +226,7 @@ def test_non_finite_values_up_to_the_end_are_divergence_from_the_last_finite_one
 def test_files_of_a_run_that_hold_no_returns_change_none(tmp_path):
     run = write_run(tmp_path / "s")
     before = read_study(tmp_path / "s")
-    (run / "robustness.csv").write_text("step,return\n1")
+    (run / "notes.csv").write_text("step,return\n1")
     for name in ("policy.pt", "policy_best.pt"):
         (run / name).write_bytes(b"\0")
     (run / "rasters/seed_3").mkdir(parents=True)
