@@ -167,12 +167,13 @@ def _call(product: Product) -> tuple[int, ...]:
     """n, m, k, and of each operand its address and row length; of a factor also whether it is stored transposed."""
     left, right, out = product
     (n, k), m = left.shape, right.shape[1]
-    return n, m, k, *_factor(left), *_factor(right), out.data_ptr(), out.stride(0)
+    return n, m, k, *_factor(left), *_factor(right), out.data_ptr(), max(out.stride(0), m)
 
 
 def _factor(matrix: Tensor) -> tuple[int, int, int]:
     transposed = matrix.stride(1) != 1 and matrix.stride(0) == 1
-    return matrix.data_ptr(), matrix.stride(1) if transposed else matrix.stride(0), int(transposed)
+    length = max(matrix.stride(1), matrix.shape[0]) if transposed else max(matrix.stride(0), matrix.shape[1])
+    return matrix.data_ptr(), length, int(transposed)
 
 
 @kernel(void(int64, int64[:, ::1]))

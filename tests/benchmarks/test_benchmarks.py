@@ -61,7 +61,7 @@ def test_quick_topics_give_finite_positive_numbers_in_valid_json(
         found = list(numbers(topic["rows"]))
         assert found
         assert all(math.isfinite(x) and x > 0 for x in found)
-    assert {row["actor"]: row["goal"] for row in content["topics"]["update"]["rows"]} == {"aan": 1.8, "bptsan": 1.6}
+    assert {row["actor"]: row["goal"] for row in content["topics"]["update"]["rows"]} == {"aan": 1.35, "bptsan": 1.35}
     axes = {row["axis"] for row in content["topics"]["growth"]["rows"]}
     assert axes == {"batch", "width", "time steps", "branches", "observation size"}
     shown = capsys.readouterr().out
