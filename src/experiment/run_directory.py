@@ -26,6 +26,8 @@ CHECKPOINTS = "checkpoint-*.pt"
 #: In ``state/``: space that a run gives back when it fails, so that even on a full disk its manifest can say why.
 RESERVE_FILE = "reserve"
 RESERVE_BYTES = 2**16
+#: Returns of its policy under disturbances.
+ROBUSTNESS_FILE = "robustness.csv"
 #: What a run directory holds besides ``state/``.
 FILES = (
     "config.yaml",
@@ -36,7 +38,7 @@ FILES = (
     "policy.pt",
     "policy_best.pt",
     "operations.json",
-    "robustness.csv",
+    ROBUSTNESS_FILE,
 )
 #: What ``python -m src.watch`` has drawn of the policy.
 WATCH_FOLDER = "watch"

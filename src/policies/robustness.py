@@ -15,6 +15,7 @@ from src.actors.build import build_actor
 from src.algorithms.policy import DeterministicPolicy
 from src.config import ConfigurationError, SpikingActorConfig
 from src.experiment.files import replace_file
+from src.experiment.run_directory import ROBUSTNESS_FILE
 from src.policies import disturbances
 from src.policies.disturbances import DisturbedObservation, Joints
 from src.policies.load import FRESH, load_policy
@@ -24,7 +25,6 @@ from src.training.evaluation import Evaluator, Wrap
 from src.training.gym_task import make_gym
 from src.training.policy_file import TrainedPolicy
 
-ROBUSTNESS_FILE = "robustness.csv"
 COLUMNS = ("policy", "disturbance", "severity", "episode", "return", "length")
 NONE = "none"
 #: BDETT's severity in the middle, half and double beside it; what BDETT does not have follows.

@@ -18,7 +18,7 @@ from src.algorithms.metrics import METRICS, Diverged, IntervalMeans, health_colu
 from src.config import ConfigurationError, ExperimentConfig
 from src.engine import blas
 from src.experiment.progress import Progress
-from src.experiment.run_directory import REPLAY_FILE, RunDirectory, RunState
+from src.experiment.run_directory import REPLAY_FILE, ROBUSTNESS_FILE, RunDirectory, RunState
 from src.experiment.state import Outcome
 from src.policies.operations import count_operations, write_operations
 from src.streams import Streams
@@ -165,6 +165,7 @@ class TrainingSession:
             collector.shutdown()
         assert self.last_return is not None  # step 0 was evaluated
         self._save_policy(POLICY_FILE, Standing(self.step, self.last_return))
+        (self.run.path / ROBUSTNESS_FILE).unlink(missing_ok=True)  # of the policy that an extended run had before
         self._count_operations()
         return Outcome(RunState.COMPLETE, self.step, "")
 

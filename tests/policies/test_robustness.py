@@ -22,7 +22,8 @@ from src.policies.trace import trace, weighted_layers
 from src.streams import Streams
 from src.training.gym_task import make_gym
 from tests.actors.configuration import configuration
-from tests.helpers import make_config
+from tests.helpers import make_config, tiny
+from tests.training.test_session import run
 
 ACTORS = ["popsan", "bptsan", "aan", "popdan", "ilcsan"]
 
@@ -171,3 +172,11 @@ def test_the_command_writes_every_condition_and_the_same_bytes_again(
 def test_an_unknown_disturbance_is_refused(tiny_run: Path) -> None:
     with pytest.raises(ConfigurationError, match="no disturbance"):
         play_condition(tiny_run / "policy.pt", Condition("gravity", 1.0), 1, 0)
+
+
+def test_an_extended_run_keeps_no_robustness_of_its_former_policy(tmp_path: Path) -> None:
+    short = {"keep_replay": True, "protocol.total_steps": 300}
+    path = run(tiny(tmp_path, short, actor="aan"))[1]
+    (path / "robustness.csv").write_text("of the policy of step 300")
+    outcome, extended = run(tiny(tmp_path, short | {"protocol.total_steps": 450}, actor="aan"))
+    assert (outcome.step, extended) == (450, path) and not (path / "robustness.csv").exists()
