@@ -150,7 +150,7 @@ def _differences(found: list[list[tuple[str, Any, Any]]]) -> str:
                 values[key].append(shown)
     if not counts:
         return ""
-    ordered = sorted(counts, key=lambda key: (-counts[key], key))
+    ordered = sorted(counts, key=lambda key: (-counts[key], not key.endswith(".kind"), key))  # kinds first
     parts = [
         f"{key} ({', '.join(values[key][:2])}{', …' if len(values[key]) > 2 else ''}"
         f"{'' if counts[key] == len(found) else f'; in {counts[key]} of {len(found)} rows'})"

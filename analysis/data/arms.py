@@ -2,13 +2,23 @@
 
 An *arm* is what a reader compares: a label under the task's own spike coding. A run of the paper's actor whose keys
 were changed, or under the other coding, or of another actor under a paper actor's name, is an arm of its own name and
-never passes for the paper's actor.
+never passes for the paper's actor. An algorithm that is an option of another is told in the arm's name too: with and
+without it are two arms of one algorithm, with one scale.
 """
 
 from __future__ import annotations
 
 from analysis.data.names import ACTORS
 from analysis.data.reading import Run
+
+#: Algorithms that are options of another: which one, and how the arm is called.
+OPTIONS = {"td3_proxy": ("td3", "proxy target")}
+
+
+def algorithm_of(run: Run) -> str:
+    """The algorithm whose arms this run is compared with."""
+    algo = run.manifest.algo
+    return OPTIONS[algo][0] if algo in OPTIONS else algo
 
 
 def arm_of(run: Run) -> tuple[str, bool]:
@@ -17,7 +27,11 @@ def arm_of(run: Run) -> tuple[str, bool]:
     label = manifest.label
     actor = manifest.actor
     changed = manifest.changed_keys
-    natural = manifest.encoder in ("none", run.settings.env.spike_coding or manifest.encoder)
+    coding = run.settings.env.spike_coding or manifest.encoder
+    if run.settings.actor.coding == "analog":  # whatever the task
+        coding = "analog"
+    natural = manifest.encoder in ("none", coding)
+    option = manifest.algo in OPTIONS
     name = label
     if label in ACTORS and label != actor:
         name += f" (actor: {actor})"
@@ -25,4 +39,6 @@ def arm_of(run: Run) -> tuple[str, bool]:
         name += f" (changed: {', '.join(sorted(changed))})"
     if not natural:
         name += f" [{manifest.encoder}]"
-    return name, label == actor and not changed and natural
+    if option:
+        name += f" + {OPTIONS[manifest.algo][1]}"
+    return name, label == actor and not changed and natural and not option

@@ -14,6 +14,9 @@ from analysis.data.study import Study
 #: What goes with the actor [PopSAN], and where a run ran.
 EXEMPT = frozenset({"algo.actor_learning_rate", "algo.log_std_network", "threads", "device"} | WHO)
 
+#: What an arm's name says: the actor, its coding, an option of the algorithm.
+_MEANT = ("actor.", "encoder.", "algo.proxy_")
+
 
 def confounds(study: Study, algo: str, env: str, arms: tuple[str, ...]) -> list[str]:
     """Settings outside the actor in which arms differ ("identical configurations" does not hold), each as a phrase.
@@ -28,7 +31,7 @@ def confounds(study: Study, algo: str, env: str, arms: tuple[str, ...]) -> list[
     for arm in arms[1:]:
         other, other_hashed = configurations[arm]
         for key, old, new in differing_keys(first, other, first_hashed, other_hashed, EXEMPT):
-            if not key.startswith(("actor.", "encoder.")) and key not in changed:
+            if not (key.startswith(_MEANT) or key == "algo.name" or key in changed):
                 found.setdefault(key, f"{key} ({old} for {actor_name(arms[0])}, {new} for {actor_name(arm)})")
     return [found[key] for key in sorted(found)]
 

@@ -6,7 +6,7 @@ from collections import defaultdict
 from dataclasses import dataclass
 from typing import Any
 
-from analysis.data.arms import arm_of
+from analysis.data.arms import algorithm_of, arm_of
 from analysis.data.flatten import differing_keys
 from analysis.data.reading import Run
 
@@ -49,7 +49,7 @@ def without_mixed(runs: list[Run]) -> tuple[list[Run], list[Refused]]:
 
 def cell_of(run: Run) -> tuple[str, str, str]:
     """Algorithm, task and arm."""
-    return run.manifest.algo, run.manifest.env, arm_of(run)[0]
+    return algorithm_of(run), run.manifest.env, arm_of(run)[0]
 
 
 def _mixed(runs: list[Run]) -> str:

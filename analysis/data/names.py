@@ -13,6 +13,8 @@ ACTORS = {
     "bptsan_wo_li": "BPT-SAN w/o LI",
     "bptsan": "BPT-SAN",
 }
+#: Actors of other papers.
+OTHER_ACTORS = {"popdan": "Pop-DAN", "mdcsan": "MDC-SAN", "ilcsan": "ILC-SAN", "lif_san": "LIF-SAN"}
 TASKS = {
     "hopper": "Hopper-v4",
     "walker2d": "Walker2d-v4",
@@ -33,8 +35,8 @@ LONGEST = 40
 
 
 def actor_name(arm: str) -> str:
-    """How an arm is printed; one that is not the paper's keeps the name of its folder."""
-    return ACTORS.get(arm) or printable(arm)
+    """How an arm is printed; one that is of no paper keeps the name of its folder."""
+    return ACTORS.get(arm) or OTHER_ACTORS.get(arm) or printable(arm)
 
 
 def task_name(task: str) -> str:

@@ -13,7 +13,7 @@ from enum import StrEnum
 import numpy as np
 import pandas as pd
 
-from analysis.data.arms import arm_of
+from analysis.data.arms import algorithm_of, arm_of
 from analysis.data.reading import Run
 from analysis.data.schema import Status
 from analysis.data.training_steps import missing_evaluations, most_frequent
@@ -57,7 +57,7 @@ class Judged:
 def judge(runs: list[Run]) -> list[Judged]:
     """The outcome of each run of a study, in their order."""
     alone = [_alone(run) for run in runs]
-    places = [(run.manifest.algo, run.manifest.env) for run in runs]
+    places = [(algorithm_of(run), run.manifest.env) for run in runs]
     lengths = {place: _training_steps([one for one, p in zip(alone, places) if p == place]) for place in set(places)}
     return [_among_others(one, lengths[place]) for one, place in zip(alone, places)]
 

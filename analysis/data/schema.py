@@ -120,6 +120,7 @@ class Actor(_Named):
     """Group ``actor``; the sizes are those that the table of operations needs."""
 
     kind: str | None = None
+    coding: str | None = None
     hidden_sizes: list[Size] | None = None
     time_steps: Size | None = None
     output_population: Size | None = None

@@ -9,7 +9,7 @@ from typing import Any
 
 import pandas as pd
 
-from analysis.data.arms import arm_of
+from analysis.data.arms import algorithm_of, arm_of
 from analysis.data.cross_checks import cross_checks
 from analysis.data.errors import UnreadableRunError
 from analysis.data.flatten import flatten
@@ -146,7 +146,7 @@ def _assemble(name: str, judged: list[Judged], refused: list[Refused], warnings:
     study.warnings += warnings
     for one in judged:
         manifest = one.run.manifest
-        key = f"{manifest.algo}/{manifest.env}/{arm_of(one.run)[0]}"
+        key = f"{algorithm_of(one.run)}/{manifest.env}/{arm_of(one.run)[0]}"
         study.configurations.setdefault(key, one.run.config)
         if manifest.hashed_keys:
             study.hashed_keys.setdefault(key, manifest.hashed_keys)
@@ -164,7 +164,7 @@ def _sentence(warning: str) -> str:
 
 def _keys(run: Run) -> dict[str, Any]:
     manifest = run.manifest
-    return {"algo": manifest.algo, "env": manifest.env, "arm": arm_of(run)[0], "seed": manifest.seed}
+    return {"algo": algorithm_of(run), "env": manifest.env, "arm": arm_of(run)[0], "seed": manifest.seed}
 
 
 def _row(judged: Judged) -> dict[str, Any]:

@@ -16,10 +16,21 @@ OPTIONS = {
     group: {path.stem: composed(f"{group}={path.stem}")[group] for path in sorted((CONF / group).glob("*.yaml"))}
     for group in ("algo", "actor", "encoder", "env", "protocol", "logger")
 }
+RIVALS = {"popdan", "mdcsan", "ilcsan", "lif_san"}
 OTHER_TASKS = {"hopper_v5", "walker2d_v5", "halfcheetah_v5", "ant_v5", "inverted_double_pendulum", "humanoid"}
 NAMES = {
     "algo": {"td3", "sac", "td3_proxy"},
-    "actor": {"aan", "popsan", "bptsan", "bptsan_wo_ndt", "bptsan_wo_li", "popdan", "mdcsan", "ilcsan", "lif_san"},
+    "actor": {
+        "aan",
+        "popsan",
+        "bptsan",
+        "bptsan_wo_ndt",
+        "bptsan_wo_li",
+        "popdan",
+        "mdcsan",
+        "ilcsan",
+        "lif_san",
+    },
     "encoder": {"task", "poisson", "deterministic", "analog"},
     "env": {"hopper", "walker2d", "halfcheetah", "ant", "ant_zero_contact", "ant_no_contact", *OTHER_TASKS},
     "protocol": {"paper", "short", "demo", "smoke"},
@@ -70,7 +81,7 @@ def test_every_valid_combination_composes_and_every_invalid_one_is_refused():
     for names in itertools.product(*(sorted(OPTIONS[group]) for group in groups)):
         choices = dict(zip(groups, names))
         content = put_together(**choices)
-        own = {"aan": "none", "popdan": "analog", "mdcsan": "analog"}.get(choices["actor"])
+        own = {"aan": "none", "aan_matched": "none", "popdan": "analog", "mdcsan": "analog"}.get(choices["actor"])
         if own and choices["encoder"] not in ("task", own):
             with pytest.raises(
                 ConfigurationError, match=f"encoder={choices['encoder']}: actor {choices['actor']} takes"
@@ -129,6 +140,16 @@ SWEEPS = {
     "demo": (None, {"aan", "popsan", "bptsan"}, 2, 2, "demo", None),
     "hopper_td3": ("td3", PAPERS, 1, 3, "short", "hopper_td3"),
     "td3_100k": ("td3", PAPERS, 2, 5, "short", "td3_100k"),
+    "rivals_td3": ("td3", PAPERS | RIVALS, 2, 3, "short", "rivals_100k"),
+    "controls_td3": ("td3", {"aan", "aan_matched", "popdan", "popsan", "bptsan"}, 1, 5, "short", "controls_td3"),
+    "proxy_target": (
+        "td3,td3_proxy",
+        {"aan", "popsan", "mdcsan", "ilcsan", "lif_san"},
+        4,
+        5,
+        "proxy_target",
+        "proxy_target",
+    ),
     "sac_100k": ("sac", {"aan", "popsan", "bptsan"}, 2, 3, "short", "sac_100k"),
 }
 
