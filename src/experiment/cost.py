@@ -13,11 +13,18 @@ from src.experiment.machine import repository_path
 from src.experiment.run_directory import ManifestError, read_manifest
 
 #: Environment steps per second of one run on one core, rough, where nothing has been measured yet (TD3 on Hopper).
-DEFAULT_RATES = {"aan": 180.0, "popsan": 87.0, "bptsan_wo_ndt": 88.0, "bptsan_wo_li": 66.0, "bptsan": 64.0}
+DEFAULT_RATES = {
+    "aan": 180.0, "popsan": 87.0, "bptsan_wo_ndt": 88.0, "bptsan_wo_li": 66.0, "bptsan": 64.0,
+    "popdan": 150.0, "mdcsan": 60.0, "ilcsan": 60.0, "lif_san": 87.0,
+}  # fmt: skip
 _OTHER_RATE = 60.0
+_PROXY_RATE = 35.0
 
 #: Sizes (N, M) of observation and action, for the replay's bytes.
-_SIZES = {"Hopper": (11, 3), "Walker2d": (17, 6), "HalfCheetah": (17, 6), "Ant": (27, 8)}
+_SIZES = {
+    "Hopper": (11, 3), "Walker2d": (17, 6), "HalfCheetah": (17, 6), "Ant": (27, 8),
+    "InvertedDoublePendulum": (11, 1), "Humanoid": (376, 17),
+}  # fmt: skip
 _ANT_CONTACT_FORCES = 84
 
 
@@ -58,7 +65,8 @@ def _rate(config: ExperimentConfig) -> tuple[float, bool]:
     )
     if rates:
         return statistics.median(rates), True
-    return DEFAULT_RATES.get(config.actor.name, _OTHER_RATE), False
+    rate = DEFAULT_RATES.get(config.actor.name, _OTHER_RATE)
+    return min(rate, _PROXY_RATE) if config.algo.name == "td3_proxy" else rate, False
 
 
 @cache
@@ -77,6 +85,8 @@ def _measured_rates(results: Path) -> dict[tuple[str, str, str], list[float]]:
 
 def _sizes(env: EnvConfig) -> tuple[int, int] | None:
     family = env.id.partition("-")[0]
+    if env.id == "Ant-v5":
+        return 105 + env.zero_padding, 8
     if family not in _SIZES:
         return None
     observation, action = _SIZES[family]

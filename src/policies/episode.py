@@ -64,7 +64,9 @@ class _Recorder:
     def add(self, seen: Trace) -> None:
         inputs = seen.connections[0].inputs
         has_spikes = kind_of(inputs) == "AC" and any(layer.potentials is not None for layer in seen.neurons)
-        layers = [Neurons("input", inputs, inputs if has_spikes else None), *seen.neurons]
+        # analog input is the same at every time step
+        of_input = Neurons("input", inputs, inputs) if has_spikes else Neurons("input", inputs[:1])
+        layers = [of_input, *seen.neurons]
         if self.counter.decisions < self.decisions:
             for layer in layers:
                 self.first.setdefault(layer.name, []).append(layer.activations[:, 0])

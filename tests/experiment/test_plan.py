@@ -14,6 +14,9 @@ from tests.experiment.runs import ROOT, changed, run_of, smoke
 sys.path.append(str(ROOT / "src" / "plugins"))
 from hydra_plugins.testbed.sweeper import product
 
+from src.training.gym_task import sizes
+from tests.training.tasks import TASKS, task
+
 
 def jobs(*overrides):
     return product(OverridesParser.create().parse_overrides(list(overrides)))
@@ -71,3 +74,8 @@ def test_a_grid_over_a_key_that_changes_nothing_has_each_run_once(tmp_path):
     assert done.code == 0 and "3 runs in" in done.out, done
     twice = run(tmp_path, "-m", "actor=aan", "seed=1,1", "protocol=smoke", "dry_run=true")
     assert twice.code == 2 and "the grid has this run twice" in twice.err
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_the_sizes_that_disk_is_estimated_from_are_the_tasks(name):
+    assert costs._sizes(task(name)) == sizes(task(name))

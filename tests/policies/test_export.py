@@ -21,7 +21,15 @@ from src.training.policy_file import TrainedPolicy
 from tests.helpers import tiny
 from tests.training.test_session import run
 
-CASES = [("bptsan", "hopper"), ("bptsan", "halfcheetah"), ("popsan", "hopper"), ("aan", "halfcheetah")]
+CASES = [
+    ("bptsan", "hopper"),
+    ("bptsan", "halfcheetah"),
+    ("popsan", "hopper"),
+    ("aan", "halfcheetah"),
+    ("popdan", "hopper"),
+    ("mdcsan", "halfcheetah"),
+    ("ilcsan", "hopper"),
+]
 
 
 @pytest.fixture(scope="module", params=CASES, ids=lambda case: "-".join(case))

@@ -101,3 +101,10 @@ def test_the_raster_needs_no_populations() -> None:
     """An actor that can't be looked into still shows its actions and rewards."""
     figure = raster.draw(Episode(np.zeros((30, 2)), np.zeros(30)), "opaque")
     assert len(figure.axes) == 5  # two columns of two, and the bar of the actions
+
+
+def test_analog_input_is_shown_once_a_decision_and_its_neurons_at_every_step(tmp_path: Path) -> None:
+    path = run(tiny(tmp_path, actor="mdcsan", env="halfcheetah"))[1]
+    first, *layers = played(path / "policy.pt").populations
+    assert (first.spiking, first.time_steps, first.first.shape) == (False, 1, (5, 170))
+    assert all(layer.spiking and layer.first.shape[0] == 5 * 5 for layer in layers)
