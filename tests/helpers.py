@@ -21,7 +21,7 @@ def plain_config(overrides: dict[str, Any] | None = None, **choices: str) -> dic
     """A resolved configuration as plain containers: ``plain_config({"actor.time_steps": 1}, env="ant")``."""
     base = copy.deepcopy(composed_from(*(f"{group}={name}" for group, name in (CHOICES | choices).items())))
     for key, value in (overrides or {}).items():
-        OmegaConf.update(base, key, value, force_add=True)
+        OmegaConf.update(base, key, value, merge=False, force_add=True)  # a mapping takes the place of the old one
     plain: Any = OmegaConf.to_container(base, resolve=True)
     return plain
 
