@@ -1,6 +1,6 @@
 """Runs of earlier commits, kept as they were written: if these fail, what people have trained is worth nothing here.
 
-``tests/fixtures/engine_<k>`` is a study of two tiny runs of the commit that introduced engine k (3: 5ad9b91). A new
+``tests/fixtures/engine_<k>`` is a study of two tiny runs of the commit that introduced engine k (3: 9461f89). A new
 engine adds a folder; none is ever written again.
 """
 
