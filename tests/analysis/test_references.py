@@ -23,19 +23,19 @@ def test_random_policy_scores_zero_and_the_reference_hundred():
 
 def test_an_algorithm_without_reference_takes_the_studys_own_aan(tmp_path):
     for seed, level in enumerate((1000.0, 3000.0)):
-        write_run(tmp_path / "s", actor="aan", seed=seed, curve=np.full(11, level), manifest={"algo": "td3_proxy"})
-    (tmp_path / "s/runs/td3").rename(tmp_path / "s/runs/td3_proxy")
+        write_run(tmp_path / "s", actor="aan", seed=seed, curve=np.full(11, level), manifest={"algo": "ddpg"})
+    (tmp_path / "s/runs/td3").rename(tmp_path / "s/runs/ddpg")
     cells = cells_of(read_study(tmp_path / "s"))
-    assert scale(cells, "td3_proxy", "hopper", CLAIMS) == Scale(19.43, 2000.0, own=True)
-    assert scale(cells, "td3_proxy", "ant", CLAIMS) is None  # neither a reference nor a run
+    assert scale(cells, "ddpg", "hopper", CLAIMS) == Scale(19.43, 2000.0, own=True)
+    assert scale(cells, "ddpg", "ant", CLAIMS) is None  # neither a reference nor a run
     with pytest.raises(KeyError):
-        normalised(cells, np.zeros(1), "td3_proxy", "ant", CLAIMS)
+        normalised(cells, np.zeros(1), "ddpg", "ant", CLAIMS)
 
 
 def test_an_aan_no_better_than_chance_is_no_reference(tmp_path):
-    write_run(tmp_path / "s", actor="aan", curve=np.full(11, 19.0), manifest={"algo": "td3_proxy"})
-    (tmp_path / "s/runs/td3").rename(tmp_path / "s/runs/td3_proxy")
-    assert scale(cells_of(read_study(tmp_path / "s")), "td3_proxy", "hopper", CLAIMS) is None
+    write_run(tmp_path / "s", actor="aan", curve=np.full(11, 19.0), manifest={"algo": "ddpg"})
+    (tmp_path / "s/runs/td3").rename(tmp_path / "s/runs/ddpg")
+    assert scale(cells_of(read_study(tmp_path / "s")), "ddpg", "hopper", CLAIMS) is None
 
 
 def test_a_studys_own_scores_go_before_the_committed_ones():
