@@ -35,7 +35,7 @@ def typed(monkeypatch, capsys, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["actor=pposan"], "actor=pposan: there is no such option (did you mean popsan?); there are aan, bptsan,"),
+        (["actor=pposan"], "actor=pposan: there is no such option (did you mean popsan?); there are aan, aan_matched, bptsan,"),
         (["actor.TT=3"], "actor.TT: there is no such key"),
         (["TT=3"], "TT: there is no such key"),
         (["actor=aan", "actor.time_steps=3"], "actor.time_steps: there is no such key"),
@@ -112,7 +112,7 @@ def test_help_shows_the_command_the_groups_and_the_keys(typed):
     assert code in (0, None)
     for part in (
         "python -m src.run -m actor=bptsan,popsan,aan",
-        "actor: aan, bptsan",
+        "actor: aan, aan_matched, bptsan",
         "sweeps: ablation_sac",
         "seed: 0",
     ):
