@@ -35,7 +35,10 @@ def typed(monkeypatch, capsys, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["actor=pposan"], "actor=pposan: there is no such option (did you mean popsan?); there are aan, aan_matched, bptsan,"),
+        (
+            ["actor=pposan"],
+            "actor=pposan: there is no such option (did you mean popsan?); there are aan, aan_matched, bptsan,",
+        ),
         (["actor.TT=3"], "actor.TT: there is no such key"),
         (["TT=3"], "TT: there is no such key"),
         (["actor=aan", "actor.time_steps=3"], "actor.time_steps: there is no such key"),
