@@ -140,7 +140,7 @@ SWEEPS = {
     "demo": (None, {"aan", "popsan", "bptsan"}, 2, 2, "demo", None),
     "hopper_td3": ("td3", PAPERS, 1, 3, "short", "hopper_td3"),
     "td3_100k": ("td3", PAPERS, 2, 5, "short", "td3_100k"),
-    "rivals_td3": ("td3", PAPERS | RIVALS, 2, 3, "short", "rivals_100k"),
+    "rivals_td3": ("td3", PAPERS | RIVALS, 2, 5, "short", "rivals_100k"),
     "controls_td3": ("td3", {"aan", "aan_matched", "popdan", "popsan", "bptsan"}, 1, 5, "short", "controls_td3"),
     "proxy_target": (
         "td3,td3_proxy",
