@@ -1,4 +1,4 @@
-"""Normalised scores: what 0 and 100 mean on a task, and published numbers to set beside ours."""
+"""Normalised scores: what 0 and 100 mean on a task."""
 
 from __future__ import annotations
 

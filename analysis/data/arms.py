@@ -17,8 +17,15 @@ OPTIONS = {"td3_proxy": ("td3", "proxy target")}
 
 def algorithm_of(run: Run) -> str:
     """The algorithm whose arms this run is compared with."""
-    algo = run.manifest.algo
-    return OPTIONS[algo][0] if algo in OPTIONS else algo
+    return algorithm_and_arm(run.manifest.algo, run.manifest.label)[0]
+
+
+def algorithm_and_arm(algo: str, label: str) -> tuple[str, str]:
+    """Under which algorithm, and by which name, a label stands that is trained by ``algo``."""
+    if algo not in OPTIONS:
+        return algo, label
+    algorithm, option = OPTIONS[algo]
+    return algorithm, f"{label} + {option}"
 
 
 def arm_of(run: Run) -> tuple[str, bool]:
@@ -39,6 +46,4 @@ def arm_of(run: Run) -> tuple[str, bool]:
         name += f" (changed: {', '.join(sorted(changed))})"
     if not natural:
         name += f" [{manifest.encoder}]"
-    if option:
-        name += f" + {OPTIONS[manifest.algo][1]}"
-    return name, label == actor and not changed and natural and not option
+    return algorithm_and_arm(manifest.algo, name)[1], label == actor and not changed and natural and not option

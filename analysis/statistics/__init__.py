@@ -11,7 +11,7 @@ from analysis.data.writing import replaced_folder, write_json
 from analysis.first_screen import first_screen
 from analysis.health import saturated
 from analysis.overview import overview
-from analysis.statistics import aggregates, cost, failures, performance, provenance, verdicts
+from analysis.statistics import aggregates, cost, failures, performance, provenance, published, verdicts
 from analysis.statistics.main_table import main_table
 from analysis.statistics.notes import notes
 from analysis.statistics.operations import operations_table
@@ -30,7 +30,7 @@ def tables_of(study: Study, cells: list[Cell], claims: Claims, judgement: Judgem
         aggregates.table(cells, claims),
         failures.rates_table(cells, claims),
         failures.comparisons_table(judgement),
-        performance.published_table(cells),
+        published.published_table(cells),
         performance.seeds_table(cells),
         operations_table(study),
         cost.health_table(study),

@@ -93,7 +93,7 @@ def table(cells: list[Cell], claims: Claims) -> Table:
     sources = references()["aan_reference"]
     caption = (
         "Final performance over the claims' tasks, normalised: 0 is a uniformly random policy (measured by us, 100 "
-        f"episodes), 100 a published artificial network after {references()['published']['steps']:,} steps (TD3: "
+        f"episodes), 100 a published artificial network after {sources['td3']['steps']:,} steps (TD3: "
         f"{sources['td3']['source']}: a maximum over training, which a final performance hardly reaches. SAC: "
         f"{sources['sac']['source']}). Tasks weigh the same. 95% intervals: stratified bootstrap over seeds, "
         f"{bootstrap.REPETITIONS:,} resamples, from {INTERVAL_SEEDS} seeds on. {covers(*AGGREGATES)} "

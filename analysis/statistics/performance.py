@@ -8,10 +8,9 @@ import pandas as pd
 from analysis import metrics
 from analysis.bootstrap import IQM, interval, iqm, point
 from analysis.coverage import covers
-from analysis.data.cells import Cell, select
-from analysis.data.names import ACTORS, actor_name, algorithm_name, task_name
+from analysis.data.cells import Cell
+from analysis.data.names import actor_name, algorithm_name, task_name
 from analysis.hypothesis_tests import INTERVAL_SEEDS, t_interval
-from analysis.references import references
 from analysis.tables import Column, Table, number, pair, spread, text
 
 _WHERE: list[Column] = [("algorithm", "Algorithm", text), ("task", "Task", text), ("actor", "Actor", text)]
@@ -21,12 +20,10 @@ FINAL = (
 )
 
 
-def _std(values: np.ndarray) -> float:
-    return float(values.std(ddof=1)) if len(values) > 1 else np.nan
-
-
-def _mean(values: np.ndarray) -> float:
-    return float(values.mean()) if len(values) else np.nan
+def mean_and_std(values: np.ndarray) -> tuple[float, float]:
+    """Mean and standard deviation (ddof=1) of ``values [seeds]``; NaN where there are too few."""
+    mean = float(values.mean()) if len(values) else np.nan
+    return mean, float(values.std(ddof=1)) if len(values) > 1 else np.nan
 
 
 def _names(cell: Cell) -> dict[str, object]:
@@ -48,28 +45,30 @@ def final_table(cells: list[Cell]) -> Table:
         low, high = interval([cell.final], iqm) if enough else (np.nan, np.nan)
         centre = point([cell.final], iqm) if cell.n else np.nan
         mean_low, mean_high = t_interval(cell.final)
+        mean, std = mean_and_std(cell.final)
         without = cell.without_diverged()
+        mean_without, std_without = mean_and_std(without)
         diverged = int(cell.diverged.sum())
         rows.append(
             {
                 **_names(cell),
                 "n": cell.n,
-                "mean": _mean(cell.final),
+                "mean": mean,
                 "mean_low": mean_low,
                 "mean_high": mean_high,
-                "mean_shown": pair(_mean(cell.final), mean_low, mean_high),
-                "std": _std(cell.final),
+                "mean_shown": pair(mean, mean_low, mean_high),
+                "std": std,
                 "iqm": centre,
                 "iqm_low": low,
                 "iqm_high": high,
                 "diverged": diverged,
-                "mean_without_diverged": _mean(without),
-                "std_without_diverged": _std(without),
+                "mean_without_diverged": mean_without,
+                "std_without_diverged": std_without,
                 "unfinished": cell.unfinished,
                 "total_steps": cell.training_steps,
                 "iqm_shown": pair(centre, low, high),
-                "shown": spread(_mean(cell.final), _std(cell.final), cell.n),
-                "without": spread(_mean(without), _std(without), len(without)) if diverged else "–",
+                "shown": spread(mean, std, cell.n),
+                "without": spread(mean_without, std_without, len(without)) if diverged else "–",
             }
         )
     columns: list[Column] = [
@@ -155,43 +154,3 @@ def seeds_table(cells: list[Cell]) -> Table:
         columns,
         folded=True,
     )
-
-
-def published_table(cells: list[Cell]) -> Table:
-    """Ours beside published numbers, at the same number of steps; says so where a study is shorter."""
-    published = references()["published"]
-    rows = []
-    for entry in published["rows"]:
-        for env in ("hopper", "walker2d", "halfcheetah", "ant"):
-            found = [
-                cell
-                for cell in select(cells, entry["algo"], env, entry["arm"])
-                if cell.n and cell.training_steps == published["steps"]
-            ]
-            for cell in found:
-                best = metrics.max_of_mean(cell.steps, cell.returns)
-                rows.append(
-                    {
-                        **_names(cell),
-                        "final": spread(_mean(cell.final), _std(cell.final), cell.n),
-                        "max": spread(best.value, best.std, cell.n),
-                        "published": entry[env],
-                        "source": entry["source"],
-                    }
-                )
-    columns: list[Column] = [
-        *_WHERE,
-        ("final", "Ours, final", str),
-        ("max", "Ours, max_of_mean", str),
-        ("published", "Published", str),
-        ("source", "Source", text),
-    ]
-    frame = pd.DataFrame(rows) if rows else pd.DataFrame(columns=[key for key, _, _ in columns])
-    empty = (
-        f"Published numbers are after {published['steps']:,} steps; this study has no finished {ACTORS['aan']} or "
-        f"PopSAN run as long as that."
-    )
-    caption = (
-        "To see whether our baselines are comparable to published ones; simulators and task versions differ as stated."
-    )
-    return Table("published", "statistics", "Beside published numbers", caption, frame, columns, empty)
