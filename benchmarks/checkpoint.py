@@ -24,7 +24,7 @@ sys.path.insert(0, str(ROOT))
 
 from benchmarks.configuration import compose  # noqa: E402
 from src.algorithms.learner import Minibatches  # noqa: E402
-from src.experiment.identity import Run  # noqa: E402
+from src.config.identity import Run  # noqa: E402
 from src.experiment.machine import processor  # noqa: E402
 from src.experiment.ownership import acquire  # noqa: E402
 from src.experiment.progress import PlainProgress  # noqa: E402
@@ -89,7 +89,7 @@ def measure(folder: Path, rows: int, interval: int, repeats: int) -> None:
         _write_logs(session)
         began = time.perf_counter()
         again = TrainingSession(config, run, PlainProgress(config.protocol.total_steps))
-        again._resume()
+        again.resume()
         resume = time.perf_counter() - began
         assert again.step == session.step
     save = statistics.median(seconds)

@@ -7,7 +7,7 @@ from typing import Any
 from omegaconf import OmegaConf
 
 from src.config import ExperimentConfig, validate
-from src.experiment.compose import composed_from
+from src.config.compose import composed_from
 
 
 def compose(*overrides: str, **choices: str) -> ExperimentConfig:

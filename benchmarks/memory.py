@@ -18,10 +18,10 @@ from benchmarks.our_loop import Silent
 from benchmarks.process_memory import watch
 from benchmarks.topic import Row, Topic
 from src.config import ExperimentConfig
-from src.experiment.identity import Run
-from src.experiment.machine import ROOT
+from src.config.identity import Run
 from src.experiment.ownership import acquire
 from src.experiment.run_directory import REPLAY_FILE
+from src.paths import ROOT
 from src.training.replay import make_replay, sample_minibatches
 from src.training.session import TrainingSession
 

@@ -25,7 +25,7 @@ from benchmarks.spread import Spread
 from benchmarks.topic import Row, Topic
 from benchmarks.update import SIZES
 from src.config import ExperimentConfig
-from src.experiment.machine import ROOT
+from src.paths import ROOT
 
 GOAL = 1.85
 

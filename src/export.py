@@ -14,7 +14,7 @@ from pathlib import Path
 
 from src.config import ConfigurationError
 from src.experiment import process
-from src.experiment.machine import repository_path, shown_path
+from src.paths import repository_path, shown_path
 from src.policies.find import BEST, FINAL, policy_path
 
 FORMATS = ("onnx", "nir")

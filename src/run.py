@@ -29,7 +29,7 @@ def task(composed: DictConfig) -> str:
 
 def main() -> int:
     """Run the command; bad input is one clear sentence and exit code 2."""
-    from src.experiment.command_line import is_input_error, prepared, sentence
+    from src.config.command_line import is_input_error, prepared, sentence
     from src.experiment.state import ExitCode
 
     show_traceback = os.environ.get("HYDRA_FULL_ERROR") == "1"

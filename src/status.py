@@ -17,13 +17,13 @@ from typing import Any, NamedTuple
 from rich.console import Console
 from rich.table import Table
 
+from src.config.identity import Difference, differences
 from src.experiment.files import last_row, mean_returns
-from src.experiment.identity import Difference, differences
-from src.experiment.machine import repository_path
 from src.experiment.plan import compared_on_disk
 from src.experiment.progress import duration, number
 from src.experiment.run_directory import RunState
 from src.experiment.state import ExitCode, exit_code, observe
+from src.paths import repository_path
 
 _STATES = (
     RunState.COMPLETE,

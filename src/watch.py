@@ -15,8 +15,8 @@ from pathlib import Path
 
 from src.config import ConfigurationError
 from src.experiment import process
-from src.experiment.machine import repository_path, shown_path
 from src.experiment.run_directory import WATCH_FOLDER
+from src.paths import repository_path, shown_path
 from src.policies.find import BEST, FINAL, policy_path
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from omegaconf import OmegaConf
 
 from src.config import ExperimentConfig, validate
-from src.experiment.compose import composed_from
+from src.config.compose import composed_from
 
 ROOT = Path(__file__).resolve().parents[1]
 CONF = ROOT / "conf"

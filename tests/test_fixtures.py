@@ -18,7 +18,7 @@ import torch
 import yaml
 
 from src.config import validate
-from src.experiment.identity import Run
+from src.config.identity import Run
 from src.experiment.state import Action, next_action
 from src.training.policy_file import TrainedPolicy
 

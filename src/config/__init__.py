@@ -1,4 +1,8 @@
-"""The configuration: its schema, the rules between keys, and one sentence for each mistake. Never imports torch."""
+"""From what a user types to a run with a name, one sentence for each mistake. Never imports torch.
+
+The schema and the rules between its keys are imported from here; ``command_line`` and ``compose`` are Hydra's side,
+``identity`` has hashes, labels and paths.
+"""
 
 from src.config.schema import (
     ENGINE,

@@ -4,7 +4,7 @@ The YAML files under ``conf/`` are what a user reads and edits; Hydra composes t
 the composed configuration into these frozen dataclasses or says in one sentence what is wrong.
 
 A key that is added to this schema after runs have been trained takes a default here: the behaviour before it. Where it
-changes numbers it stands in :data:`src.experiment.identity.ADDED_KEYS` too.
+changes numbers it stands in :data:`src.config.identity.ADDED_KEYS` too.
 
 Sources: [P] the BPT-SAN paper; [PopSAN] Tang et al., CoRL 2020; [SU] OpenAI Spinning Up. Decisions against or beyond
 the paper are listed in ``docs/deviations.md``.

@@ -14,7 +14,7 @@ from collections.abc import Iterable
 from functools import cache
 
 from src.config import ConfigurationError, EnvConfig, ExperimentConfig
-from src.experiment.machine import repository_path
+from src.paths import repository_path
 
 _LOGGERS = {
     "wandb": "logger=wandb: wandb is not installed; run: pip install '.[wandb]'",

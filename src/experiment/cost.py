@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from src.config import EnvConfig, ExperimentConfig
-from src.experiment.machine import repository_path
 from src.experiment.run_directory import ManifestError, read_manifest
+from src.paths import repository_path
 
 #: Environment steps per second of one run on one core, rough, where nothing has been measured yet (TD3 on Hopper).
 DEFAULT_RATES = {

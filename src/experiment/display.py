@@ -14,11 +14,11 @@ from rich.text import Text
 
 from src.experiment.cost import cost
 from src.experiment.files import last_return, last_row
-from src.experiment.machine import shown_path
 from src.experiment.plan import NAMED, Plan, PlannedRun
 from src.experiment.progress import duration, number, time_left
 from src.experiment.run_directory import ManifestError, RunState
 from src.experiment.state import Action, ExitCode, RunResult, exit_code
+from src.paths import shown_path
 
 _REFRESH_SECONDS = 2.0
 #: Elsewhere than on a terminal, the running runs are listed this often.

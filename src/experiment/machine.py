@@ -1,4 +1,4 @@
-"""The machine, the repository and what a run ran with: versions, commit, processor model.
+"""The machine, the commit and what a run ran with: versions, commit, processor model.
 
 What is recorded names no host and no absolute path.
 """
@@ -12,19 +12,9 @@ import subprocess
 from importlib import metadata
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
+from src.paths import ROOT
 
 _DISTRIBUTIONS = ("torch", "torchrl", "tensordict", "gymnasium", "mujoco", "numpy", "numba", "scipy")
-
-
-def repository_path(path: str | Path) -> Path:
-    """A path as a user means it, in every command: ``~`` is the home, a relative one lies in the repository."""
-    return ROOT / Path(path).expanduser()
-
-
-def shown_path(path: Path) -> str:
-    """Relative where it lies in the repository."""
-    return str(path.relative_to(ROOT)) if path.is_relative_to(ROOT) else str(path)
 
 
 def versions() -> dict[str, str | None]:

@@ -19,9 +19,9 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from src.config import ENGINE, ConfigurationError
+from src.config.identity import Run, differences
 from src.experiment import machine
 from src.experiment.files import replace_file
-from src.experiment.identity import Run, differences
 from src.experiment.run_directory import (
     FILES,
     RESERVE_FILE,

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from src.config import ENGINE, ConfigurationError, to_dict
+from src.config.identity import Run, differences, flatten, hashed_values
 from src.experiment.checks import check_devices, check_installed
-from src.experiment.identity import Run, differences, flatten, hashed_values
 from src.experiment.ownership import refusal
 from src.experiment.run_directory import ManifestError, RunDirectory
 from src.experiment.state import TO_DO, Action, NextAction, next_action

@@ -17,8 +17,8 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
 from src.config import to_dict
+from src.config.identity import Run
 from src.experiment.files import EvaluationLog, TrainingLog, replace_file
-from src.experiment.identity import Run
 
 #: In ``state/``: the replay, and the checkpoints, which must both be there for a complete run to be extended.
 REPLAY_FILE = "replay.bin"

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from filelock import FileLock, Timeout
 
 from src.config import ENGINE, to_dict
-from src.experiment.identity import Run, differences, hashed_values
+from src.config.identity import Run, differences, hashed_values
 from src.experiment.machine import boot_token
 from src.experiment.run_directory import Manifest, ManifestError, RunDirectory, RunState, seconds_since
 

@@ -14,8 +14,8 @@ from collections.abc import Callable
 from contextlib import suppress
 
 from src.config import ConfigurationError
+from src.config.identity import Run
 from src.experiment import process
-from src.experiment.identity import Run
 from src.experiment.ownership import BusyError, acquire, record_failure
 from src.experiment.progress import Heartbeat, PlainProgress, Progress
 from src.experiment.run_directory import Failure, RunDirectory, RunState, now

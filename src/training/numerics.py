@@ -6,6 +6,11 @@ import ctypes
 
 import torch
 
+from src.config import ConfigurationError, ExperimentConfig
+from src.engine import blas
+from src.experiment.progress import Progress
+from src.experiment.run_directory import RunDirectory
+
 _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3  # of glibc's malloc.h
 _LARGEST = 32 << 20  # threshold that older versions of glibc accept
 
@@ -22,3 +27,31 @@ def set_numerics(threads: int) -> None:
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)  # glibc has it
     if mallopt is not None and mallopt(_MMAP_THRESHOLD, _LARGEST):
         mallopt(_TRIM_THRESHOLD, 1 << 30)
+
+
+def select_blas(config: ExperimentConfig, run: RunDirectory, progress: Progress, backend: str) -> None:
+    """Choose the library of the matrix products, record it, and note where a resume finds another one.
+
+    On the plain backend the products are PyTorch's own.
+
+    Raises:
+        ConfigurationError: the library that the configuration asks for is not here.
+    """
+    recorded = run.manifest.blas
+    if backend == "plain":
+        library = blas.Library("torch", torch.__version__, None)
+    else:
+        try:
+            library = blas.select(config.blas, recorded.get("library"))
+        except blas.BLASUnavailableError as error:
+            raise ConfigurationError(str(error)) from None
+    found = {"library": library.name, "version": library.version, "architecture": library.architecture}
+    notes = list(run.manifest.notes)
+    if recorded and recorded != found:
+        names = [name for name in found if recorded.get(name) != found[name]]
+        changes = ", ".join(f"{name} {recorded.get(name)} -> {found[name]}" for name in names)
+        notes.append(f"resumed with another BLAS ({changes}): the numbers differ in their last bits from here on")
+        progress.note(notes[-1])
+    if backend == "fast" and (held := blas.held_back()):
+        progress.note(held)
+    run.update_manifest(blas=found, notes=notes)

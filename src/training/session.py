@@ -1,4 +1,4 @@
-"""The training loop and everything that a resume must bring back (docs/faults.md).
+"""The training loop, and what a checkpoint holds of it (docs/faults.md).
 
 collect 50 steps -> store -> normaliser -> 50 updates -> evaluate, log, checkpoint where due.
 """
@@ -16,32 +16,31 @@ from src.algorithms.build import build_learner
 from src.algorithms.learner import Minibatches
 from src.algorithms.metrics import METRICS, Diverged, IntervalMeans, health_columns
 from src.config import ConfigurationError, ExperimentConfig
-from src.engine import blas
 from src.experiment.progress import Progress
 from src.experiment.run_directory import REPLAY_FILE, ROBUSTNESS_FILE, RunDirectory, RunState
 from src.experiment.state import Outcome
 from src.policies.operations import count_operations, write_operations
 from src.streams import Streams
-from src.training.checkpoint import CheckpointFolder, CorruptCheckpoint
+from src.training.checkpoint import CheckpointFolder
 from src.training.collection import make_collector, transitions
 from src.training.environment import TrainingEnvironment
-from src.training.errors import CorruptState
 from src.training.evaluation import Evaluator
 from src.training.loggers import Logger, open_logger
 from src.training.normalization import Normalizer
-from src.training.numerics import set_numerics
+from src.training.numerics import select_blas, set_numerics
 from src.training.policy_file import BEST_POLICY_FILE, POLICY_FILE, Standing, save_policy
 from src.training.replay import make_replay, sample_minibatches
+from src.training.resume import check_logs, newest_checkpoint
 
 
 def train(
     config: ExperimentConfig, run: RunDirectory, progress: Progress, stop_requested: Callable[[], bool]
 ) -> Outcome:
-    """Train one cell of the grid to ``protocol.total_steps``, from its checkpoint where there is one.
+    """Train one run of the grid to ``protocol.total_steps``, from its checkpoint where there is one.
 
     Args:
         config: the validated configuration.
-        run: its claimed run directory.
+        run: its run directory, which this process owns.
         progress: where a person watches.
         stop_requested: asked at every batch boundary; once true, the run writes a checkpoint and ends.
 
@@ -54,34 +53,6 @@ def train(
     session = TrainingSession(config, run, progress)
     select_blas(config, run, progress, session.learner.backend)
     return session.loop(stop_requested)
-
-
-def select_blas(config: ExperimentConfig, run: RunDirectory, progress: Progress, backend: str) -> None:
-    """Choose the library of the matrix products, record it, and note where a resume finds another one.
-
-    On the plain backend the products are PyTorch's own.
-
-    Raises:
-        ConfigurationError: the library that the configuration asks for is not here.
-    """
-    recorded = run.manifest.blas
-    if backend == "plain":
-        library = blas.Library("torch", torch.__version__, None)
-    else:
-        try:
-            library = blas.select(config.blas, recorded.get("library"))
-        except blas.BLASUnavailableError as error:
-            raise ConfigurationError(str(error)) from None
-    found = {"library": library.name, "version": library.version, "architecture": library.architecture}
-    notes = list(run.manifest.notes)
-    if recorded and recorded != found:
-        names = [name for name in found if recorded.get(name) != found[name]]
-        changes = ", ".join(f"{name} {recorded.get(name)} -> {found[name]}" for name in names)
-        notes.append(f"resumed with another BLAS ({changes}): the numbers differ in their last bits from here on")
-        progress.note(notes[-1])
-    if backend == "fast" and (held := blas.held_back()):
-        progress.note(held)
-    run.update_manifest(blas=found, notes=notes)
 
 
 def shrink_state(run: RunDirectory) -> None:
@@ -138,7 +109,7 @@ class TrainingSession:
     def loop(self, stop_requested: Callable[[], bool]) -> Outcome:
         """Run to the end, to a stop request, or to non-finite numbers."""
         p = self.config.protocol
-        self._resume()
+        self.resume()
         logger = open_logger(self.config, self.run, self.step)
         collector = make_collector(self.environment, self._act_in_training, p.update_every)
         try:
@@ -274,38 +245,44 @@ class TrainingSession:
         """Write a checkpoint: everything that the rest of the run depends on."""
         self.replay.flush(self.flushed, self.replay.length)
         self.flushed = self.replay.length
-        self.checkpoints.save(
-            self.step,
-            {
-                "configuration_hash": self.run.manifest.configuration_hash,
-                "step": self.step,
-                "learner": self.learner.state_dict(),
-                "normalizer": self.normalizer.state_dict(),
-                "generators": {name: g.get_state() for name, g in self._generators().items()},
-                "replay_length": self.replay.length,
-                "environment": self.environment.save_state(),
-                "interval": self.interval.state_dict(),
-                "interval_seconds": self.interval_seconds,
-                "last_return": self.last_return,
-                "best": None if self.best is None else list(self.best),
-            },
-        )
+        self.checkpoints.save(self.step, self.state_dict())
         self.run.update_manifest(step=self.step, checkpoint_step=self.step)
 
-    def _resume(self) -> None:
-        """Go on from the newest whole checkpoint; without one, from the beginning."""
-        content, notes = self.checkpoints.load()
-        for note in notes:
-            self.progress.note(note)
+    def resume(self) -> None:
+        """Go on from the newest whole checkpoint; without one, from the beginning.
+
+        Raises:
+            CorruptCheckpoint: none of the run's checkpoints is left whole.
+            CorruptState: the logs or the replay lack what was written before it.
+        """
+        content = newest_checkpoint(self.run, self.progress)
         if content is None:
-            if (step := self.run.manifest.checkpoint_step) is not None:
-                raise CorruptCheckpoint(
-                    f"the checkpoint of step {step} is gone: restore this run's state/ folder, or start the run over "
-                    "with on_conflict=replace"
-                )
             self.run.cut_after(-1)
             self.replay.truncate(0)
             return
+        self.load_state_dict(content)
+        check_logs(self.run, self.config.protocol, self.step)
+        self.run.cut_after(self.step)
+        self.progress.note(f"resumed at step {self.step}")
+
+    def state_dict(self) -> dict[str, Any]:
+        """What a checkpoint holds; transitions are in the replay's own file."""
+        return {
+            "configuration_hash": self.run.manifest.configuration_hash,
+            "step": self.step,
+            "learner": self.learner.state_dict(),
+            "normalizer": self.normalizer.state_dict(),
+            "generators": {name: g.get_state() for name, g in self._generators().items()},
+            "replay_length": self.replay.length,
+            "environment": self.environment.save_state(),
+            "interval": self.interval.state_dict(),
+            "interval_seconds": self.interval_seconds,
+            "last_return": self.last_return,
+            "best": None if self.best is None else list(self.best),
+        }
+
+    def load_state_dict(self, content: dict[str, Any]) -> None:
+        """Restore what :meth:`state_dict` gave."""
         self.step = content["step"]
         self.learner.load_state_dict(content["learner"])
         self.normalizer.load_state_dict(content["normalizer"])
@@ -318,29 +295,3 @@ class TrainingSession:
         self.interval_seconds = content["interval_seconds"]
         self.last_return = content["last_return"]
         self.best = None if content["best"] is None else Standing(*content["best"])
-        self._check_logs()
-        self.run.cut_after(self.step)
-        self.progress.note(f"resumed at step {self.step}")
-
-    def _check_logs(self) -> None:
-        """Refuse to go on behind rows that are gone: the curve would lack its beginning in silence.
-
-        Raises:
-            CorruptState: a log lacks rows that were written before the checkpoint.
-        """
-        p = self.config.protocol
-        points = range(0, self.step + 1, p.evaluation_interval)
-        expected = {
-            self.run.evaluations: [step for step in points for _ in range(p.evaluation_episodes)],
-            self.run.training: list(points[1:]),
-        }
-        for log, steps in expected.items():
-            try:
-                whole = log.steps(self.step) == steps
-            except ValueError:
-                whole = False
-            if not whole:
-                raise CorruptState(
-                    f"{log.path.name} was changed or deleted: its rows up to step {self.step} are not those that "
-                    "this run wrote. Restore the file, or start the run over with on_conflict=replace."
-                )

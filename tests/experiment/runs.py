@@ -5,8 +5,8 @@ from functools import cache
 
 from hydra import compose, initialize_config_dir
 
-from src.experiment.compose import compose_run
-from src.experiment.compose import composed_from as composed
+from src.config.compose import compose_run
+from src.config.compose import composed_from as composed
 from tests.helpers import CONF, ROOT
 
 __all__ = ["ROOT", "changed", "composed", "run_of", "smoke"]

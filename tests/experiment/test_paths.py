@@ -3,8 +3,8 @@
 import pytest
 
 from src import evaluate, status
-from src.experiment.machine import ROOT, repository_path
 from src.experiment.ownership import acquire
+from src.paths import ROOT, repository_path
 from tests.experiment.command import run
 from tests.experiment.runs import smoke
 

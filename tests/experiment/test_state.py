@@ -68,7 +68,7 @@ def test_another_configuration_is_refused_with_the_keys(tmp_path):
 
 def test_another_engine_is_refused_and_named(tmp_path, monkeypatch):
     config, _ = ended(tmp_path)
-    monkeypatch.setattr("src.experiment.identity.ENGINE", 99)
+    monkeypatch.setattr("src.config.identity.ENGINE", 99)
     monkeypatch.setattr("src.experiment.state.ENGINE", 99)
     decision = next_action(changed(config))
     assert decision.action is Action.CONFLICT and f"engine: {ENGINE} -> 99" in decision.reason
@@ -126,7 +126,7 @@ def test_the_config_is_written_once(tmp_path):
 
 def test_the_config_on_disk_is_a_valid_configuration_again(tmp_path):
     from src.config import validate
-    from src.experiment.identity import Run
+    from src.config.identity import Run
 
     _, run = ended(tmp_path)
     assert Run(validate(run.read_config())).configuration_hash == run.manifest.configuration_hash

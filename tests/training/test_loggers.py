@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from src.config import ConfigurationError
-from src.experiment.identity import Run
+from src.config.identity import Run
 from src.experiment.ownership import acquire
 from src.training.loggers import TensorBoard, open_logger
 from src.training.session import TrainingSession

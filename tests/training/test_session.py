@@ -12,12 +12,12 @@ import pytest
 import torch
 
 from src.config import ExperimentConfig
-from src.experiment.identity import Run
+from src.config.identity import Run
 from src.experiment.ownership import acquire
 from src.experiment.state import Outcome
 from src.training.checkpoint import CheckpointFolder, CorruptCheckpoint, read_archive
-from src.training.numerics import set_numerics
-from src.training.session import TrainingSession, select_blas
+from src.training.numerics import select_blas, set_numerics
+from src.training.session import TrainingSession
 from tests.helpers import Silent, tiny
 
 CASES = [

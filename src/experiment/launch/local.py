@@ -20,12 +20,13 @@ from pydantic import BaseModel, ConfigDict, Field
 from rich.console import Console
 
 from src.experiment.display import SweepDisplay
-from src.experiment.machine import ROOT, usable_cores
+from src.experiment.machine import usable_cores
 from src.experiment.ownership import record_death
 from src.experiment.plan import PlannedRun
 from src.experiment.process import thread_environment
 from src.experiment.run_directory import RunState
 from src.experiment.state import ExitCode, RunResult, result_of
+from src.paths import ROOT
 
 _POLL_SECONDS = 0.2
 

@@ -10,11 +10,11 @@ from omegaconf import DictConfig
 from rich.console import Console
 
 from src.config import ConfigurationError
+from src.config.compose import compose_run
+from src.config.identity import Run
 from src.experiment.checks import check_writable
-from src.experiment.compose import compose_run
 from src.experiment.display import show_plan
 from src.experiment.files import last_return
-from src.experiment.identity import Run
 from src.experiment.ownership import BusyError
 from src.experiment.plan import make_plan
 from src.experiment.progress import PlainProgress, display, number

@@ -35,11 +35,11 @@ from src.experiment.launch.slurm_queue import (
     left_in_slurm,
     remember_jobs,
 )
-from src.experiment.machine import ROOT, repository_path
 from src.experiment.plan import PlannedRun
 from src.experiment.process import thread_environment
 from src.experiment.run_directory import RunState
 from src.experiment.state import RunResult
+from src.paths import ROOT, repository_path
 
 _NAMED = 3
 Jobs = dict[str, PlannedRun]

@@ -18,7 +18,7 @@ from typing import Any
 from submitit.core.utils import DelayedSubmission, UncompletedJobError
 from submitit.slurm.slurm import SlurmJobEnvironment
 
-from src.experiment.identity import Run
+from src.config.identity import Run
 from src.experiment.ownership import BusyError
 from src.experiment.progress import PlainProgress
 from src.experiment.run_directory import RunState

@@ -15,8 +15,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from src.config.identity import Run
 from src.experiment.display import SweepDisplay
-from src.experiment.identity import Run
 from src.experiment.ownership import record_death, record_interruption
 from src.experiment.plan import PlannedRun
 from src.experiment.run_directory import ManifestError, RunDirectory, RunState

@@ -111,7 +111,7 @@ def test_another_actors_name_is_named_as_the_difference(tmp_path):
 
 def test_the_rule_for_old_manifests_is_the_one_that_the_training_code_hashes_by():
     from analysis.data.flatten import NOT_HASHED, flatten
-    from src.experiment.identity import ADDED_KEYS, hashed_values
+    from src.config.identity import ADDED_KEYS, hashed_values
 
     config = configuration("sac", "ant", "bptsan") | {"blas": "auto", "keep_best": True}
     old = flatten(config).keys() - ADDED_KEYS.keys()  # a run without the list is older than all of these

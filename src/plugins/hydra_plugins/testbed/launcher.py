@@ -14,8 +14,8 @@ from pydantic import ValidationError
 from rich.console import Console
 
 from src.config import ConfigurationError
+from src.config.compose import compose_run
 from src.config.validation import sentence
-from src.experiment.compose import compose_run
 from src.experiment.display import show_plan
 from src.experiment.launch.local import LocalSettings, run_locally
 from src.experiment.launch.slurm import SlurmSettings, run_in_slurm

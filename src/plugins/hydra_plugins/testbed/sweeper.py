@@ -21,11 +21,11 @@ from omegaconf import DictConfig
 from rich.console import Console
 
 from src.config import ConfigurationError
+from src.config.command_line import check_sweep
+from src.config.compose import compose_run
+from src.config.identity import Run
 from src.experiment.checks import check_writable
-from src.experiment.command_line import check_sweep
-from src.experiment.compose import compose_run
 from src.experiment.display import show_plan, show_summary
-from src.experiment.identity import Run
 from src.experiment.plan import Plan, make_plan
 from src.experiment.state import Action, result_of
 

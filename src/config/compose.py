@@ -16,10 +16,10 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from src.config import ConfigurationError, to_dict, validate
+from src.config.identity import Run, flatten, variant_label
 from src.config.rules import inert_keys
 from src.config.validation import parse
-from src.experiment.identity import Run, flatten, variant_label
-from src.experiment.machine import ROOT
+from src.paths import ROOT
 
 #: Groups whose options make a method or a task; a run that changes one of their keys is a variant.
 _GROUPS = ("actor", "encoder", "algo", "env")

@@ -5,7 +5,7 @@ import re
 import pytest
 
 from src.config import ConfigurationError
-from src.experiment.identity import LONGEST_LABEL
+from src.config.identity import LONGEST_LABEL
 from tests.experiment.runs import run_of
 
 

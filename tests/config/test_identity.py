@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from src.config import ENGINE, to_dict
-from src.experiment.identity import ADDED_KEYS, differences, flatten, hashed_values
+from src.config.identity import ADDED_KEYS, differences, flatten, hashed_values
 from tests.experiment.runs import changed, run_of
 
 
@@ -56,7 +56,7 @@ def test_what_changes_numbers_changes_the_hash(override):
 
 def test_the_engine_is_part_of_the_hash(monkeypatch):
     before = run_of().configuration_hash
-    monkeypatch.setattr("src.experiment.identity.ENGINE", 10**6)
+    monkeypatch.setattr("src.config.identity.ENGINE", 10**6)
     assert changed(run_of()).configuration_hash != before
 
 
@@ -109,7 +109,7 @@ def test_a_key_added_later_enters_hash_and_comparison_only_where_it_departs(monk
     before = run.configuration_hash
     content = to_dict(run.config)
     monkeypatch.setattr(
-        "src.experiment.identity.ADDED_KEYS", {**ADDED_KEYS, "new": ("auto", "fast"), "actor.newer": (False,)}
+        "src.config.identity.ADDED_KEYS", {**ADDED_KEYS, "new": ("auto", "fast"), "actor.newer": (False,)}
     )
     for values in ({"new": "auto"}, {"new": "fast"}):
         added = {**content, **values, "actor": {**content["actor"], "newer": False}}
@@ -125,7 +125,7 @@ def test_every_key_with_a_default_in_the_schema_is_out_of_the_hash_or_in_the_tab
     from dataclasses import MISSING, fields
 
     from src.config import schema
-    from src.experiment.identity import _EXCLUDED, ADDED_KEYS
+    from src.config.identity import _EXCLUDED, ADDED_KEYS
 
     for group in ("", "algo", "env", "encoder", "protocol"):
         classes = {"": ["Experiment"], "algo": ["TD3", "SAC"]}.get(group, [group.capitalize()])

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from src.config import validate
-from src.experiment.identity import Run
+from src.config.identity import Run
 from src.experiment.run_directory import read_manifest
 from tests.experiment.runs import ROOT, changed, run_of
 
@@ -64,7 +64,7 @@ PINNED = [
 
 @pytest.fixture(autouse=True)
 def _engine_2(monkeypatch):
-    monkeypatch.setattr("src.experiment.identity.ENGINE", 2)
+    monkeypatch.setattr("src.config.identity.ENGINE", 2)
 
 
 @pytest.mark.parametrize(("overrides", "prefix", "path"), PINNED, ids=lambda value: " ".join(value) if value else "-")
@@ -80,7 +80,7 @@ FINISHED = sorted(Path(ROOT / "results").glob("*/runs/*/*/*/*/seed_0"))
 @pytest.mark.parametrize("path", FINISHED, ids=lambda path: "/".join(path.parts[-7:]))
 def test_a_finished_run_is_still_read_and_keeps_its_hash(path, monkeypatch):
     manifest = read_manifest(path / "manifest.json")
-    monkeypatch.setattr("src.experiment.identity.ENGINE", manifest.engine)
+    monkeypatch.setattr("src.config.identity.ENGINE", manifest.engine)
     run = Run(validate(yaml.safe_load((path / "config.yaml").read_text())))
     assert manifest.configuration_hash == run.configuration_hash
     assert manifest.status == "complete" and manifest.step == manifest.total_steps

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from src.config import ENGINE, ExperimentConfig, to_dict, validate
-from src.experiment.machine import repository_path
+from src.paths import repository_path
 
 _EXCLUDED = frozenset(
     {
