@@ -210,11 +210,9 @@ class RunDirectory:
 
     def remove_leftovers(self) -> None:
         """Delete what a kill has left of files that were being replaced."""
-        for name in FILES:
-            for beside in self.path.glob(f".{name}.*"):
-                beside.unlink(missing_ok=True)
-        for beside in self.state.glob("*.part"):
-            beside.unlink(missing_ok=True)
+        halves = [half for name in FILES for half in self.path.glob(f".{name}.*")]
+        for half in [*halves, *self.state.glob(f".{CHECKPOINTS}.*")]:
+            half.unlink(missing_ok=True)
 
     def cut_after(self, step: int) -> None:
         """Drop what was logged after ``step``: a resumed run goes on from its checkpoint, not from its last row."""

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import hashlib
 import io
-import os
 from pathlib import Path
 from typing import Any
 
 import torch
 
+from src.experiment.files import replace_file
 from src.experiment.run_directory import CHECKPOINTS
 
 _MAGIC = b"spiking-actor-checkpoint 1\n"
@@ -28,23 +28,8 @@ def write_archive(path: Path, content: Any) -> None:
     """Write ``content`` (tensors and plain containers) atomically and durably to ``path``."""
     buffer = io.BytesIO()
     torch.save(content, buffer)
-    body = buffer.getbuffer()
-    beside = path.with_name(path.name + ".part")
-    try:
-        with beside.open("wb") as file:
-            file.write(_MAGIC + hashlib.sha256(body).digest())
-            file.write(body)
-            file.flush()
-            os.fsync(file.fileno())
-        beside.replace(path)
-    except OSError:
-        beside.unlink(missing_ok=True)  # on a full disk it would take the space that the failure's record needs
-        raise
-    folder = os.open(path.parent, os.O_RDONLY)
-    try:
-        os.fsync(folder)
-    finally:
-        os.close(folder)
+    body = buffer.getvalue()
+    replace_file(path, _MAGIC + hashlib.sha256(body).digest() + body)
 
 
 def read_archive(path: Path) -> Any:

@@ -42,9 +42,8 @@ def save_policy(
     write_archive(
         path,
         {
-            "config": to_dict(
-                replace(config, results_dir="results")
-            ),  # a policy is carried away: no path of its machine
+            # a policy is carried away: no path of its machine
+            "config": to_dict(replace(config, results_dir="results")),
             "observation_size": sizes[0],
             "action_size": sizes[1],
             "action_limit": learner.policy.action_limit,

@@ -139,7 +139,7 @@ def assert_same_end(results: Path, reference: Path) -> None:
     assert all(torch.equal(a[key], b[key]) for key in a), "the weights differ"
     left = {each.name for each in one.iterdir()}
     assert left <= {*FILES, "state"} - {"failure.txt"}, left
-    assert not list((one / "state").glob("*.part"))
+    assert not list((one / "state").glob(".checkpoint-*"))
 
 
 def wait_for(condition: Callable[[], object], process: Any = None, seconds: float = 120, poll: float = 0.002) -> bool:

@@ -41,7 +41,7 @@ def test_a_limit_on_file_sizes(interrupted: Path, reference: Path, tmp_path: Pat
     assert "limit for files" in manifest(results)["failure"]["message"]
     assert "File too large" in (run_of(results) / "failure.txt").read_text()
     assert (run_of(results) / "evaluations.csv").read_bytes().startswith(kept)
-    assert not list((run_of(results) / "state").glob("*.part"))
+    assert not list((run_of(results) / "state").glob(".checkpoint-*"))
     code, output = forked(results, *AAN)
     assert code == 0, output
     assert_same_end(results, reference)

@@ -88,7 +88,7 @@ def behind_rows(results: Path, process: Forked, rng: random.Random) -> bool:
 MOMENTS: dict[str, Moment] = {
     "any time": after_a_while,
     "in training": in_training,
-    "while a checkpoint is written": tight(lambda name: name.endswith(".pt.part"), lambda folder: folder),
+    "while a checkpoint is written": tight(lambda name: name.startswith(".checkpoint-"), lambda folder: folder),
     "while rows are written": behind_rows,
     "while the manifest is written": tight(lambda name: name.startswith(".manifest"), lambda folder: folder.parent),
 }
@@ -130,7 +130,7 @@ def traces(results: Path) -> set[str]:
     if folder is None:
         return {"nothing yet"}
     found = set()
-    if list(folder.glob("checkpoint-*.part")):
+    if list(folder.glob(".checkpoint-*")):
         found.add("half a checkpoint")
     if list(folder.parent.glob(".manifest.json.*")):
         found.add("a manifest not yet renamed")

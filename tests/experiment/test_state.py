@@ -107,7 +107,11 @@ def test_a_run_with_damaged_state_starts_over_only_when_asked_to(tmp_path):
 
 def test_leftovers_of_a_kill_are_removed_and_space_for_last_words_is_reserved(tmp_path):
     config, run = ended(tmp_path, status="interrupted", step=500)
-    left = [run.path / ".manifest.json.abcd1234", run.state / "checkpoint-000000000500.pt.part"]
+    left = [
+        run.path / ".manifest.json.abcd1234",
+        run.path / ".policy.pt.abcd1234",
+        run.state / ".checkpoint-000000000500.pt.abcd1234",
+    ]
     for each in left:
         each.write_text("half")
     with acquire(config) as (again, _):
