@@ -1,4 +1,4 @@
-"""Named random streams: every source of chance has its own, all derived from the run's seed.
+"""Named random streams: every source of randomness has its own, all derived from the run's seed.
 
 A stream is identified by its name alone, so drawing more or less from one stream, or adding another, moves no other.
 """

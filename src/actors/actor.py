@@ -13,8 +13,8 @@ class Actor(nn.Module):
     """A policy network ``observation [B, N] -> raw action [B, M]``, before squashing.
 
     An actor of your own needs :meth:`forward` only; it learns by autograd through it. A checkpoint holds its parameters
-    and nothing else: chance comes from ``generator`` alone (no dropout), nothing else may learn (no batch statistics),
-    and there is no evaluation mode.
+    and nothing else: random numbers come from ``generator`` alone (no dropout), nothing else may learn (no batch
+    statistics), and there is no evaluation mode.
     """
 
     def forward(self, observation: Tensor, generator: torch.Generator | None = None) -> Tensor:

@@ -88,11 +88,11 @@ def engine_for(config: ExperimentConfig, actor: Actor) -> Backend:
         return PLAIN
     from src.engine import fast  # the plain path needs nothing of it
 
-    served, refusal = f"algo {config.algo.name}", fast.refused_algorithm(config.algo)
-    if refusal is None:
-        served, refusal = f"actor {config.actor.name}", fast.refusal(actor, config.device)
-    if refusal is None:
+    served, unsupported_reason = f"algo {config.algo.name}", fast.unsupported_algorithm(config.algo)
+    if unsupported_reason is None:
+        served, unsupported_reason = f"actor {config.actor.name}", fast.unsupported_reason(actor, config.device)
+    if unsupported_reason is None:
         return Backend(fast.TD3, fast.SAC)
     if config.backend == "fast":
-        raise ConfigurationError(f"backend: fast does not serve {served} ({refusal}); use auto or plain.")
+        raise ConfigurationError(f"backend: fast does not serve {served} ({unsupported_reason}); use auto or plain.")
     return PLAIN

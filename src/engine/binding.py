@@ -1,4 +1,4 @@
-"""Whom the engine serves, and the binding of an actor to it."""
+"""Which actors the engine supports, and the binding of an actor to it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from src.engine.mlp import BoundMLPActor
 from src.engine.spiking import BoundSpikingActor
 
 
-def refusal(actor: Actor, device: str = "cpu") -> str | None:
+def unsupported_reason(actor: Actor, device: str = "cpu") -> str | None:
     """Why the engine does not serve an actor; None where it does.
 
     It serves exactly the AAN and the spiking actor (a subclass may compute something else), in float32 on the CPU, all
@@ -46,7 +46,7 @@ def refusal(actor: Actor, device: str = "cpu") -> str | None:
     return None
 
 
-def refused_algorithm(algo: AlgoConfig) -> str | None:
+def unsupported_algorithm(algo: AlgoConfig) -> str | None:
     """Why the engine does not serve an algorithm, whatever the actor; None where it does."""
     return "it computes TD3 and SAC, no proxy target" if isinstance(algo, TD3ProxyConfig) else None
 
@@ -67,20 +67,20 @@ def _unknown_choice(actor: SpikingActor) -> str | None:
     return None
 
 
-def bind(actor: Actor, gradient_of: Mapping[nn.Parameter, Tensor] | None = None) -> BoundActor:
+def bind(actor: Actor, grads: Mapping[nn.Parameter, Tensor] | None = None) -> BoundActor:
     """The actor's passes on the kernels, by its parameters as they lie now.
 
     Args:
-        actor: one that :func:`refusal` has nothing against.
-        gradient_of: where the gradients of its parameters go; None for one that does not learn.
+        actor: one that :func:`unsupported_reason` has nothing against.
+        grads: where the gradients of its parameters go; None for one that does not learn.
     """
     if isinstance(actor, MLPActor):
-        return BoundMLPActor(actor, gradient_of)
+        return BoundMLPActor(actor, grads)
     assert isinstance(actor, SpikingActor)
-    return BoundSpikingActor(actor, gradient_of)
+    return BoundSpikingActor(actor, grads)
 
 
 def record_health(record: BurstRecord, health: ActorHealth, actor: Actor, flat: FlatParameters) -> None:
     """Note the health of a pass with the gradients that came of it."""
     record.add("actor_gradient_norm", flat.gradient.norm())
-    record.add_health(health, [[flat.gradient_of[p] for p in layer] for layer in actor.layer_parameters()])
+    record.add_health(health, [[flat.grads[p] for p in layer] for layer in actor.layer_parameters()])

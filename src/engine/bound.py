@@ -11,7 +11,7 @@ from torch import Tensor
 from src.actors.health import ActorHealth
 
 #: From the gradient to the raw action ``[B, M]`` to those of the parameters, filled.
-Pull = Callable[[Tensor], None]
+VJP = Callable[[Tensor], None]
 
 
 class BoundActor(Protocol):
@@ -28,7 +28,7 @@ class BoundActor(Protocol):
 
     def vjp(
         self, observation: Tensor, generator: torch.Generator | None, with_health: bool
-    ) -> tuple[Tensor, ActorHealth | None, Pull]:
+    ) -> tuple[Tensor, ActorHealth | None, VJP]:
         """Raw actions ``[G, B, M]``; health and vector-Jacobian product of the last minibatch."""
 
 

@@ -1,4 +1,4 @@
-"""What :func:`src.algorithms.build.build_learner` takes of the engine: whom it serves, and the fast algorithms."""
+"""What :func:`src.algorithms.build.build_learner` asks of the engine: which actors it supports; its algorithms."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from torch import Tensor
 
 from src.actors.actor import Actor
 from src.engine import sac, td3
-from src.engine.binding import bind, refusal, refused_algorithm
+from src.engine.binding import bind, unsupported_algorithm, unsupported_reason
 from src.engine.flat import FlatParameters
 
 TD3, SAC = td3.FastTD3, sac.FastSAC
 
-__all__ = ["SAC", "TD3", "acting", "refusal", "refused_algorithm"]
+__all__ = ["SAC", "TD3", "acting", "unsupported_algorithm", "unsupported_reason"]
 
 
 def acting(actor: Actor) -> Callable[[Tensor, torch.Generator], Tensor]:

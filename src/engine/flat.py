@@ -27,12 +27,12 @@ class FlatParameters:
         starts = [0, *accumulate(-(-p.numel() // _NUMBERS) * _NUMBERS for p in self.parameters)]
         self.values, self.gradient = torch.zeros(starts[-1]), torch.zeros(starts[-1])
         #: A view of the flat gradient for each parameter.
-        self.gradient_of: dict[nn.Parameter, Tensor] = {}
+        self.grads: dict[nn.Parameter, Tensor] = {}
         for p, start in zip(self.parameters, starts):
             part = slice(start, start + p.numel())
             self.values[part] = p.detach().reshape(-1)
             p.data = self.values[part].view(p.shape)
-            self.gradient_of[p] = self.gradient[part].view(p.shape)
+            self.grads[p] = self.gradient[part].view(p.shape)
         self._addresses = [p.data_ptr() for p in self.parameters]
 
     def check(self) -> None:

@@ -1,7 +1,7 @@
 """The LIF layer's T steps and their gradient by hand: :func:`src.actors.lif.lif_layer`, sample after sample.
 
 One sample after the other runs through all T steps, so that its state (a few rows of n numbers) stays in the cache.
-``neuron`` is a record of :data:`src.engine.records.NEURON`.
+``constants`` is a record of :data:`src.engine.records.NEURON_CONSTANTS`.
 """
 
 from __future__ import annotations
@@ -14,14 +14,15 @@ from src.engine.jit import inner
 
 @inner
 def scan(  # type: ignore[no-untyped-def]
-    currents, branch_bias, bias, lateral, offsets, neuron, spikes, potentials, largest
+    currents, branch_bias, bias, lateral, offsets, constants, spikes, potentials, largest
 ):
     """Fill ``spikes``; and ``potentials`` and ``largest`` where they are not empty (acting needs neither).
 
     Shapes: currents ``[T, B, d, n]``, branch_bias ``[d, n]`` or empty (added in place), bias ``[n]``, lateral
     ``[K, n]``, offsets ``[K]``, the others ``[T, B, n]``.
     """
-    current_decay, voltage_decay, threshold = neuron["current_decay"], neuron["voltage_decay"], neuron["threshold"]
+    current_decay, voltage_decay = constants["current_decay"], constants["voltage_decay"]
+    threshold = constants["threshold"]
     steps, samples, dendrites, n = currents.shape
     neighbours = lateral.shape[0]
     keep = potentials.shape[0] > 0
@@ -70,7 +71,7 @@ def scan(  # type: ignore[no-untyped-def]
 
 @inner
 def scan_gradient(  # type: ignore[no-untyped-def]
-    grad, spikes, potentials, largest, lateral, offsets, neuron, grad_currents, grad_branch_bias, grad_bias,
+    grad, spikes, potentials, largest, lateral, offsets, constants, grad_currents, grad_branch_bias, grad_bias,
     grad_lateral,
 ):  # fmt: skip
     """Fill ``grad_currents`` and add to ``grad_branch_bias``, ``grad_bias`` and ``grad_lateral``.
@@ -78,8 +79,9 @@ def scan_gradient(  # type: ignore[no-untyped-def]
     Shapes as in the forward kernel, ``grad`` as ``spikes``; ``reset`` and ``through_lateral`` are 1 or 0: whether the
     reset and the lateral term carry gradient to the spikes of the step before.
     """
-    current_decay, voltage_decay, threshold = neuron["current_decay"], neuron["voltage_decay"], neuron["threshold"]
-    window, reset, through_lateral = neuron["window"], neuron["reset"], neuron["through_lateral"]
+    current_decay, voltage_decay = constants["current_decay"], constants["voltage_decay"]
+    threshold = constants["threshold"]
+    window, reset, through_lateral = constants["window"], constants["reset"], constants["through_lateral"]
     steps, samples, dendrites, n = grad_currents.shape
     neighbours = lateral.shape[0]
     radius = 0

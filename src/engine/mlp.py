@@ -13,18 +13,18 @@ from src.actors.health import NOTHING_SPIKES, ActorHealth
 from src.actors.mlp import EnsembleMLP
 from src.actors.mlp_actor import MLPActor
 from src.engine import blas, mlp_kernels
-from src.engine.bound import NotCopyable, Pull
+from src.engine.bound import VJP, NotCopyable
 from src.engine.records import MLP_LAYER
 
 
-class Kept(NamedTuple):
-    """What a forward pass keeps for its gradient."""
+class Saved(NamedTuple):
+    """What a forward pass saves for its gradient."""
 
     hidden: list[Tensor]  # the input [B, in], then the output of each layer, [E, B, .]
 
-    def last(self, rows: int) -> Kept:
+    def last(self, rows: int) -> Saved:
         """The same of the last rows alone; of one network."""
-        return Kept([h[..., -rows:, :].contiguous() for h in self.hidden])
+        return Saved([h[..., -rows:, :].contiguous() for h in self.hidden])
 
 
 class BoundMLP(NotCopyable):
@@ -33,14 +33,14 @@ class BoundMLP(NotCopyable):
     Args:
         networks: the first feeds the second; on the CPU, float32, contiguous.
         final_relu: the last layer has a ReLU too.
-        gradient_of: where the gradients of the parameters go; None for networks that do not learn.
+        grads: where the gradients of the parameters go; None for networks that do not learn.
     """
 
     def __init__(
         self,
         networks: Sequence[EnsembleMLP],
         final_relu: bool,
-        gradient_of: Mapping[nn.Parameter, Tensor] | None = None,
+        grads: Mapping[nn.Parameter, Tensor] | None = None,
     ) -> None:
         pairs = [pair for network in networks for pair in zip(network.weights, network.biases)]
         self.ensemble = len(pairs[0][0])
@@ -50,39 +50,39 @@ class BoundMLP(NotCopyable):
         for record, (weight, bias) in zip(self._layers, pairs):
             record["inputs"], record["outputs"] = weight.shape[1:]
             record["weight"], record["bias"] = weight.data_ptr(), bias.data_ptr()
-            if gradient_of is not None:
-                record["to_weight"] = gradient_of[weight].data_ptr()
-                record["to_bias"] = gradient_of[bias].data_ptr()
+            if grads is not None:
+                record["grad_weight"] = grads[weight].data_ptr()
+                record["grad_bias"] = grads[bias].data_ptr()
 
     def forward(self, x: Tensor) -> Tensor:
-        """Outputs ``[E, B, out]`` for ``[B, in]``; keeps nothing."""
+        """Outputs ``[E, B, out]`` for ``[B, in]``; saves nothing."""
         return self._run(x, self._outputs[-1:])[-1]
 
-    def forward_kept(self, x: Tensor) -> Kept:
-        """:meth:`forward` with what :meth:`pull` needs; the last of it is the output."""
-        return Kept(self._run(x, self._outputs))
+    def forward_saving(self, x: Tensor) -> Saved:
+        """:meth:`forward` with what :meth:`vjp` needs; the last of it is the output."""
+        return Saved(self._run(x, self._outputs))
 
-    def _run(self, x: Tensor, kept: Sequence[int]) -> list[Tensor]:
+    def _run(self, x: Tensor, sizes: Sequence[int]) -> list[Tensor]:
         x = self._checked(x)
-        outputs = [x.new_empty(self.ensemble, len(x), size) for size in kept]
+        outputs = [x.new_empty(self.ensemble, len(x), size) for size in sizes]
         hidden = np.zeros(len(self._layers) + 1, np.int64)
         hidden[0] = x.data_ptr()
         hidden[-len(outputs) :] = [y.data_ptr() for y in outputs]
         mlp_kernels.forward(blas.sgemm_address(), self.ensemble, len(x), self._layers, hidden, self.final_relu)
         return [x, *outputs]
 
-    def pull(self, kept: Kept, to_outputs: Tensor, to_input: bool = False) -> Tensor | None:
+    def vjp(self, saved: Saved, grad_outputs: Tensor, with_input: bool = False) -> Tensor | None:
         """Fill the parameters' gradients from that to the outputs ``[E, B, out]``; that to the input if wanted."""
-        if to_outputs.shape != kept.hidden[-1].shape or to_outputs.dtype != torch.float32:
-            found = f"{[*to_outputs.shape]}, {to_outputs.dtype}"
-            raise ValueError(f"the outputs are {[*kept.hidden[-1].shape]}, float32; the gradient to them {found}")
-        to_outputs, x = to_outputs.contiguous(), kept.hidden[0]
-        to_x = torch.empty_like(x) if to_input else None
-        hidden = np.array([h.data_ptr() for h in kept.hidden], np.int64)
-        columns = (0 if to_x is None else to_x.data_ptr(), 0, x.shape[1])
-        arguments = (self._layers, hidden, to_outputs.data_ptr(), self.final_relu, 1, *columns)
+        if grad_outputs.shape != saved.hidden[-1].shape or grad_outputs.dtype != torch.float32:
+            found = f"{[*grad_outputs.shape]}, {grad_outputs.dtype}"
+            raise ValueError(f"the outputs are {[*saved.hidden[-1].shape]}, float32; the gradient to them {found}")
+        grad_outputs, x = grad_outputs.contiguous(), saved.hidden[0]
+        grad_input = torch.empty_like(x) if with_input else None
+        hidden = np.array([h.data_ptr() for h in saved.hidden], np.int64)
+        columns = (0 if grad_input is None else grad_input.data_ptr(), 0, x.shape[1])
+        arguments = (self._layers, hidden, grad_outputs.data_ptr(), self.final_relu, 1, *columns)
         mlp_kernels.backward(blas.sgemm_address(), self.ensemble, len(x), *arguments)
-        return to_x
+        return grad_input
 
     def squared_error_step(self, x: Tensor, target: Tensor) -> tuple[Tensor, Tensor]:
         """Fill the gradients of ``sum over E of mean over B of (output - target)^2``, of networks with one output.
@@ -121,11 +121,11 @@ class BoundMLPActor(NotCopyable):
 
     Args:
         actor: on the CPU, float32, contiguous.
-        gradient_of: where the gradients of its parameters go; None for an actor that does not learn.
+        grads: where the gradients of its parameters go; None for an actor that does not learn.
     """
 
-    def __init__(self, actor: MLPActor, gradient_of: Mapping[nn.Parameter, Tensor] | None = None) -> None:
-        self._network = BoundMLP((actor.hidden, actor.output), False, gradient_of)
+    def __init__(self, actor: MLPActor, grads: Mapping[nn.Parameter, Tensor] | None = None) -> None:
+        self._network = BoundMLP((actor.hidden, actor.output), False, grads)
 
     def refresh(self) -> None:
         """Nothing is derived from the parameters."""
@@ -140,13 +140,13 @@ class BoundMLPActor(NotCopyable):
 
     def vjp(
         self, observation: Tensor, generator: torch.Generator | None, with_health: bool
-    ) -> tuple[Tensor, ActorHealth | None, Pull]:
+    ) -> tuple[Tensor, ActorHealth | None, VJP]:
         """Raw actions ``[G, B, M]``; vector-Jacobian product of the last minibatch."""
-        kept = self._network.forward_kept(observation.flatten(0, 1))
-        raw = kept.hidden[-1].squeeze(0).unflatten(0, observation.shape[:2])
-        last = kept.last(observation.shape[1])
+        saved = self._network.forward_saving(observation.flatten(0, 1))
+        raw = saved.hidden[-1].squeeze(0).unflatten(0, observation.shape[:2])
+        last = saved.last(observation.shape[1])
 
-        def pull(to_raw: Tensor) -> None:
-            self._network.pull(last, to_raw.unsqueeze(0))
+        def vjp_fn(grad_raw: Tensor) -> None:
+            self._network.vjp(last, grad_raw.unsqueeze(0))
 
-        return raw, NOTHING_SPIKES if with_health else None, pull
+        return raw, NOTHING_SPIKES if with_health else None, vjp_fn

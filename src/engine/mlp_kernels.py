@@ -68,18 +68,18 @@ def _widest(layers):  # type: ignore[no-untyped-def]
 
 @inner
 def _forward(sgemm, E, B, layers, hidden, final_relu):  # type: ignore[no-untyped-def]
-    """Fill ``hidden[1:]``, the last of which is the output; those between that are 0 are not kept."""
+    """Fill ``hidden[1:]``, the last of which is the output; those between that are 0 are not saved."""
     count = layers.shape[0]
-    room = next_line(B * _widest(layers) * FLOAT) if hidden[1:count].sum() == 0 else 0
-    scratch = np.empty(2 * room // FLOAT + LINE, np.float32)
-    first = next_line(int64(scratch.ctypes.data))
+    half_bytes = next_line(B * _widest(layers) * FLOAT) if hidden[1:count].sum() == 0 else 0
+    scratch = np.empty(2 * half_bytes // FLOAT + LINE, np.float32)
+    scratch_start = next_line(int64(scratch.ctypes.data))
     for e in range(E):
         x = hidden[0]
         for k in range(count):
             n_in, n_out = layers[k]["inputs"], layers[k]["outputs"]
             weight = layers[k]["weight"] + e * n_in * n_out * FLOAT
-            kept = hidden[k + 1] + e * B * n_out * FLOAT
-            y = kept if hidden[k + 1] > 0 else first + k % 2 * room
+            saved = hidden[k + 1] + e * B * n_out * FLOAT
+            y = saved if hidden[k + 1] > 0 else scratch_start + k % 2 * half_bytes
             multiply(sgemm, B, n_out, n_in, x, n_in, False, weight, n_out, False, y, n_out, ZERO)
             bias = floats(layers[k]["bias"] + e * n_out * FLOAT, (n_out,))
             _add_bias(floats(y, (B, n_out)), bias, final_relu or k < count - 1)
@@ -89,49 +89,49 @@ def _forward(sgemm, E, B, layers, hidden, final_relu):  # type: ignore[no-untype
 
 @inner
 def _backward(  # type: ignore[no-untyped-def]
-    sgemm, E, B, layers, hidden, output_gradient, final_relu, to_parameters, input_gradient, input_start, input_stop
+    sgemm, E, B, layers, hidden, grad_outputs, final_relu, wants_parameters, grad_input, input_start, input_stop
 ):
     """From the output's gradient ``[E, B, n_L]`` to those of the parameters and of some columns of the input.
 
-    Where ``to_parameters`` is 0 those are skipped; an ``input_gradient`` of 0 skips the input's: else it is
+    Where ``wants_parameters`` is 0 those are skipped; a ``grad_input`` of 0 skips the input's: else it is
     ``[B, input_stop - input_start]``, summed over the networks.
     """
     count = layers.shape[0]
-    room = next_line(B * _widest(layers) * FLOAT)
-    scratch = np.empty(2 * room // FLOAT + LINE, np.float32)
-    first = next_line(int64(scratch.ctypes.data))
+    half_bytes = next_line(B * _widest(layers) * FLOAT)
+    scratch = np.empty(2 * half_bytes // FLOAT + LINE, np.float32)
+    scratch_start = next_line(int64(scratch.ctypes.data))
     for e in range(E):
-        source = output_gradient + e * B * layers[count - 1]["outputs"] * FLOAT
+        source = grad_outputs + e * B * layers[count - 1]["outputs"] * FLOAT
         for k in range(count - 1, -1, -1):
             n_in, n_out = layers[k]["inputs"], layers[k]["outputs"]
             x = hidden[k] + (e * B * n_in * FLOAT if k > 0 else 0)
             weight = layers[k]["weight"] + e * n_in * n_out * FLOAT
             address = source
             if final_relu or k < count - 1:
-                address = first + k % 2 * room
+                address = scratch_start + k % 2 * half_bytes
                 h = floats(hidden[k + 1] + e * B * n_out * FLOAT, (B, n_out))
                 _mask(floats(address, (B, n_out)), floats(source, (B, n_out)), h)
-            if to_parameters:
-                to_bias = floats(layers[k]["to_bias"] + e * n_out * FLOAT, (n_out,))
-                _sum_rows(floats(address, (B, n_out)), to_bias)
-                to_weight = layers[k]["to_weight"] + e * n_in * n_out * FLOAT
-                multiply(sgemm, n_in, n_out, B, x, n_in, True, address, n_out, False, to_weight, n_out, ZERO)
+            if wants_parameters:
+                grad_bias = floats(layers[k]["grad_bias"] + e * n_out * FLOAT, (n_out,))
+                _sum_rows(floats(address, (B, n_out)), grad_bias)
+                grad_weight = layers[k]["grad_weight"] + e * n_in * n_out * FLOAT
+                multiply(sgemm, n_in, n_out, B, x, n_in, True, address, n_out, False, grad_weight, n_out, ZERO)
             if k > 0:
-                source = first + (k - 1) % 2 * room
+                source = scratch_start + (k - 1) % 2 * half_bytes
                 multiply(sgemm, B, n_in, n_out, address, n_out, False, weight, n_out, True, source, n_in, ZERO)
-            elif input_gradient > 0:
+            elif grad_input > 0:
                 columns = input_stop - input_start
                 rows = weight + input_start * n_out * FLOAT
                 more = np.float32(e > 0)
                 multiply(
-                    sgemm, B, columns, n_out, address, n_out, False, rows, n_out, True, input_gradient, columns, more
+                    sgemm, B, columns, n_out, address, n_out, False, rows, n_out, True, grad_input, columns, more
                 )  # fmt: skip
     keep_alive(scratch)
 
 
 @inner
 def _lay_out(E, B, layers, x, outputs, memory):  # type: ignore[no-untyped-def]
-    """``hidden`` for networks with one output each, the layers between in ``memory``; and where that has room left."""
+    """``hidden`` for networks with one output each, layers between in ``memory``, and the first free address there."""
     count = layers.shape[0]
     hidden, free = np.empty(count + 1, np.int64), next_line(int64(memory.ctypes.data))
     hidden[0], hidden[count] = x, outputs
@@ -143,7 +143,7 @@ def _lay_out(E, B, layers, x, outputs, memory):  # type: ignore[no-untyped-def]
 
 @inner
 def _memory(E, B, layers):  # type: ignore[no-untyped-def]
-    """Room for all that :func:`_lay_out` lays out, each part at a line's start."""
+    """Memory for all that :func:`_lay_out` lays out, each part at a line's start."""
     neurons = 0
     for k in range(layers.shape[0]):
         neurons += layers[k]["outputs"]
@@ -158,11 +158,11 @@ def forward(sgemm, E, B, layers, hidden, final_relu):  # type: ignore[no-untyped
 
 @kernel(void(int64, int64, int64, MLP_LAYERS, _ADDRESSES, int64, int64, int64, int64, int64, int64))
 def backward(  # type: ignore[no-untyped-def]
-    sgemm, E, B, layers, hidden, output_gradient, final_relu, to_parameters, input_gradient, input_start, input_stop
+    sgemm, E, B, layers, hidden, grad_outputs, final_relu, wants_parameters, grad_input, input_start, input_stop
 ):
     """See :func:`_backward`."""
     _backward(
-        sgemm, E, B, layers, hidden, output_gradient, final_relu, to_parameters, input_gradient, input_start, input_stop
+        sgemm, E, B, layers, hidden, grad_outputs, final_relu, wants_parameters, grad_input, input_start, input_stop
     )  # fmt: skip
 
 
@@ -175,11 +175,11 @@ def squared_error_step(sgemm, E, B, layers, x, target, outputs, loss):  # type: 
     memory = _memory(E, B, layers)
     hidden, free = _lay_out(E, B, layers, x, outputs, memory)
     _forward(sgemm, E, B, layers, hidden, 0)
-    y, aim, g = floats(outputs, (E, B)), floats(target, (B,)), floats(free, (E, B))
+    y, expected, g = floats(outputs, (E, B)), floats(target, (B,)), floats(free, (E, B))
     total = 0.0
     for e in range(E):
         for b in range(B):
-            error = y[e, b] - aim[b]
+            error = y[e, b] - expected[b]
             total += error * error
             g[e, b] = error * np.float32(2.0 / B)
     floats(loss, (1,))[0] = total / B
@@ -189,7 +189,7 @@ def squared_error_step(sgemm, E, B, layers, x, target, outputs, loss):  # type: 
 
 @kernel(void(int64, int64, int64, MLP_LAYERS, int64, float32, int64, int64, int64, int64))
 def minimum_input_gradient(  # type: ignore[no-untyped-def]
-    sgemm, E, B, layers, x, scale, outputs, input_gradient, start, stop
+    sgemm, E, B, layers, x, scale, outputs, grad_input, start, stop
 ):
     """Forward, and the gradient of ``scale * sum over B of min over E of y`` to some columns of the input.
 
@@ -210,5 +210,5 @@ def minimum_input_gradient(  # type: ignore[no-untyped-def]
         for e in range(E):
             share = scale / np.float32(ties) if smallest == smallest else smallest
             g[e, b] = ZERO if y[e, b] > smallest else share
-    _backward(sgemm, E, B, layers, hidden, free, 0, 0, input_gradient, start, stop)
+    _backward(sgemm, E, B, layers, hidden, free, 0, 0, grad_input, start, stop)
     keep_alive(memory)

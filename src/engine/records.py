@@ -1,4 +1,4 @@
-"""What kernels are told, as NumPy records with named fields: sizes, constants, and addresses (0 for none).
+"""The arguments of kernels, as NumPy records with named fields: sizes, constants, and addresses (0 for none).
 
 A kernel reads ``layer["weight"]``. Addresses of parameters and gradients are found once, when a learner is built.
 """
@@ -25,10 +25,10 @@ SPIKING_LAYER = np.dtype(
         "bias",  # [n], or [d, n] of the branches
         "lateral",  # [K, n]
         "branch",  # of each synapse, [n, inputs], int8
-        "expanded",  # the branch weights [d*n, inputs], where they are at hand (acting); for d = 1 the weight
-        "to_weight",
-        "to_bias",
-        "to_lateral",
+        "branch_weights",  # [d*n, inputs], where they are computed already (acting); for d = 1 the weight; else 0
+        "grad_weight",
+        "grad_bias",
+        "grad_lateral",
     )
 )
 
@@ -36,28 +36,28 @@ SPIKING_LAYER = np.dtype(
 SPIKING_TRACE = np.dtype(
     _integers(
         "spikes",  # [G, T, B, n]
-        "potentials",  # [kept, T, B, n]
-        "largest",  # the largest branch, [kept, T, B, n], int8
-        "expanded",  # branch weights of this pass, [d*n, inputs]
+        "potentials",  # [saved, T, B, n]
+        "largest",  # the largest branch, [saved, T, B, n], int8
+        "branch_weights",  # of this pass, [d*n, inputs]
     )
 )
 
 #: Constants of the LIF neurons (:class:`src.actors.lif.LIFConstants`).
-NEURON = np.dtype(
+NEURON_CONSTANTS = np.dtype(
     [
         (name, np.float32)
         for name in ("current_decay", "voltage_decay", "threshold", "window", "reset", "through_lateral")
     ]
 )
 
-#: A pass of a spiking network over G minibatches of B samples, the last ``kept`` of which a gradient may follow.
+#: A pass of a spiking network over G minibatches of B samples; the last ``saved`` save what their gradient needs.
 SPIKING_PASS = np.dtype(
     _integers(
         "sgemm",  # the product
         "groups",  # G
         "steps",  # T
         "samples",  # B
-        "kept",
+        "saved",
         "input_spikes",  # [G, T, B, inputs]
         "rates",  # of the output population, [G*B, M*P]
     )
@@ -71,9 +71,9 @@ SPIKING_GRADIENT = np.dtype(
         "samples",
         "actions",  # M
         "input_spikes",  # [T, B, inputs]
-        "to_raw",  # the gradient to the raw action, [B, M]
+        "grad_raw",  # the gradient to the raw action, [B, M]
         "decoder",  # [M, P]
-        "to_strength",  # the gradient to the stimulation strength, [B, inputs]; 0: not wanted
+        "grad_strength",  # the gradient to the stimulation strength, [B, inputs]; 0: not wanted
     )
 )
 
@@ -84,15 +84,15 @@ MLP_LAYER = np.dtype(
         "outputs",
         "weight",  # [E, inputs, outputs]
         "bias",  # [E, 1, outputs]
-        "to_weight",  # 0: no gradients are wanted
-        "to_bias",
+        "grad_weight",  # 0: no gradients are wanted
+        "grad_bias",
     )
 )
 
 #: As Numba sees arrays of them.
 SPIKING_LAYERS = from_dtype(SPIKING_LAYER)[::1]
 SPIKING_TRACES = from_dtype(SPIKING_TRACE)[::1]
-NEURONS = from_dtype(NEURON)[::1]
+CONSTANTS_ARRAY = from_dtype(NEURON_CONSTANTS)[::1]
 SPIKING_PASSES = from_dtype(SPIKING_PASS)[::1]
 SPIKING_GRADIENTS = from_dtype(SPIKING_GRADIENT)[::1]
 MLP_LAYERS = from_dtype(MLP_LAYER)[::1]

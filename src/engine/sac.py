@@ -23,7 +23,7 @@ from src.engine.flat import FlatAdam, FlatParameters
 from src.engine.mlp import BoundMLP
 
 #: From the gradients to mean and log-std, ``[B, M]``, to those of the parameters, filled.
-PullHeads = Callable[[Tensor, Tensor], None]
+HeadsVJP = Callable[[Tensor, Tensor], None]
 
 
 class FastSAC(sac.SAC):
@@ -48,14 +48,14 @@ class FastSAC(sac.SAC):
             self.flat["log_std"] = FlatParameters(log_std)
             rates["log_std"] = c.log_std_learning_rate
         self.optimizers = {name: cast(Any, FlatAdam(self.flat[name], rate)) for name, rate in rates.items()}
-        gradient_of = self.flat["actor"].gradient_of | self.flat.get("log_std", self.flat["actor"]).gradient_of
-        self._log_std = BoundMLP((self.log_std.network,), False, gradient_of)
-        self._actor = bind(actor, gradient_of)
+        grads = self.flat["actor"].grads | self.flat.get("log_std", self.flat["actor"]).grads
+        self._log_std = BoundMLP((self.log_std.network,), False, grads)
+        self._actor = bind(actor, grads)
         if self._shared_trunk:
             assert isinstance(actor, MLPActor)  # only it has a trunk (the rules of src.config)
-            self._trunk = BoundMLP((actor.hidden,), True, gradient_of)
-            self._mean = BoundMLP((actor.output,), False, gradient_of)
-        self._critic = BoundMLP((self.critic.networks,), False, self.flat["critic"].gradient_of)
+            self._trunk = BoundMLP((actor.hidden,), True, grads)
+            self._mean = BoundMLP((actor.output,), False, grads)
+        self._critic = BoundMLP((self.critic.networks,), False, self.flat["critic"].grads)
         self._target_critic = BoundMLP((self.target_critic.networks,), False)
         self._actor.refresh()
 
@@ -85,10 +85,10 @@ class FastSAC(sac.SAC):
         noise = torch.randn((2, *burst.action.shape), generator=self.streams.update_noise)
         inputs = torch.cat([burst.observation, burst.action], dim=-1)
         batch = burst.reward.shape[1]
-        to_log_probability = burst.reward.new_full((batch,), 1.0 / batch).mul_(c.alpha)
+        grad_log_probability = burst.reward.new_full((batch,), 1.0 / batch).mul_(c.alpha)
         for index, (observation, _, reward, next_observation, terminated) in enumerate(zip(*burst)):
             both = torch.stack([next_observation, observation])
-            means, log_stds, health, pull = (self._heads if self._shared_trunk else self._networks)(both, index == 0)
+            means, log_stds, health, vjp_fn = (self._heads if self._shared_trunk else self._networks)(both, index == 0)
             following = tanh_gaussian.sample(means[0], log_stds[0], noise[0, index], self._bounds)
             own = tanh_gaussian.sample(means[1], log_stds[1], noise[1, index], self._bounds)
             next_inputs = torch.cat([next_observation, following.action], dim=-1)
@@ -100,11 +100,11 @@ class FastSAC(sac.SAC):
             record.add("critic_loss", loss)
             record.add_values(values)
             own_inputs = torch.cat([observation, own.action], dim=-1)
-            values, to_action = self._critic.minimum_input_gradient(
+            values, grad_action = self._critic.minimum_input_gradient(
                 own_inputs, observation.shape[1], -1.0 / batch, members=2
             )
             record.add_samples(own.log_probability, values)
-            pull(*tanh_gaussian.gradient(own, to_action, to_log_probability, self._bounds))
+            vjp_fn(*tanh_gaussian.gradient(own, grad_action, grad_log_probability, self._bounds))
             for name in ("actor",) if self._shared_trunk else ("actor", "log_std"):
                 self.optimizers[name].step()
             self.policy.actor.project()
@@ -118,33 +118,33 @@ class FastSAC(sac.SAC):
         self._actor.refresh()
         return record.means()
 
-    def _networks(self, observation: Tensor, with_health: bool) -> tuple[Tensor, Tensor, ActorHealth | None, PullHeads]:
+    def _networks(self, observation: Tensor, with_health: bool) -> tuple[Tensor, Tensor, ActorHealth | None, HeadsVJP]:
         """Means and log-stds ``[2, B, M]`` by a network each; the last takes the gradients to those of the second."""
-        means, health, pull_mean = self._actor.vjp(observation, self.streams.encoder, with_health)
-        kept = self._log_std.forward_kept(observation.flatten(0, 1))
-        last = kept.last(observation.shape[1])
+        means, health, vjp_mean = self._actor.vjp(observation, self.streams.encoder, with_health)
+        saved = self._log_std.forward_saving(observation.flatten(0, 1))
+        last = saved.last(observation.shape[1])
 
-        def pull(to_mean: Tensor, to_log_std: Tensor) -> None:
-            pull_mean(to_mean)
-            self._log_std.pull(last, to_log_std.unsqueeze(0))
+        def vjp_fn(grad_mean: Tensor, grad_log_std: Tensor) -> None:
+            vjp_mean(grad_mean)
+            self._log_std.vjp(last, grad_log_std.unsqueeze(0))
 
-        return means, kept.hidden[-1][0].unflatten(0, observation.shape[:2]), health, pull
+        return means, saved.hidden[-1][0].unflatten(0, observation.shape[:2]), health, vjp_fn
 
-    def _heads(self, observation: Tensor, with_health: bool) -> tuple[Tensor, Tensor, ActorHealth | None, PullHeads]:
+    def _heads(self, observation: Tensor, with_health: bool) -> tuple[Tensor, Tensor, ActorHealth | None, HeadsVJP]:
         """The same by a head each of the actor's trunk."""
         batch = observation.shape[1]
-        trunk = self._trunk.forward_kept(observation.flatten(0, 1))
-        mean, log_std = (head.forward_kept(trunk.hidden[-1][0]) for head in (self._mean, self._log_std))
+        trunk = self._trunk.forward_saving(observation.flatten(0, 1))
+        mean, log_std = (head.forward_saving(trunk.hidden[-1][0]) for head in (self._mean, self._log_std))
 
-        def pull(to_mean: Tensor, to_log_std: Tensor) -> None:
-            through_mean = self._mean.pull(mean.last(batch), to_mean.unsqueeze(0), to_input=True)
-            through_log_std = self._log_std.pull(log_std.last(batch), to_log_std.unsqueeze(0), to_input=True)
+        def vjp_fn(grad_mean: Tensor, grad_log_std: Tensor) -> None:
+            through_mean = self._mean.vjp(mean.last(batch), grad_mean.unsqueeze(0), with_input=True)
+            through_log_std = self._log_std.vjp(log_std.last(batch), grad_log_std.unsqueeze(0), with_input=True)
             assert through_mean is not None and through_log_std is not None
-            self._trunk.pull(trunk.last(batch), torch.add(through_mean, through_log_std).unsqueeze(0))
+            self._trunk.vjp(trunk.last(batch), torch.add(through_mean, through_log_std).unsqueeze(0))
 
         health = NOTHING_SPIKES if with_health else None
-        means, log_stds = (kept.hidden[-1][0].unflatten(0, observation.shape[:2]) for kept in (mean, log_std))
-        return means, log_stds, health, pull
+        means, log_stds = (saved.hidden[-1][0].unflatten(0, observation.shape[:2]) for saved in (mean, log_std))
+        return means, log_stds, health, vjp_fn
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """See :meth:`src.algorithms.learner.Learner.load_state_dict`."""

@@ -1,4 +1,4 @@
-"""A whole spiking network in one call, each direction: expanded weights, products, scans, firing rates.
+"""A whole spiking network in one call, each direction: branch weights, products, scans, firing rates.
 
 The currents and their gradient, the largest arrays, live inside the call only. Arguments are records of
 :mod:`src.engine.records`; the equations are those of :mod:`src.actors`.
@@ -15,32 +15,32 @@ from src.engine.jit import inner, kernel
 from src.engine.lif import scan, scan_gradient
 from src.engine.memory import aligned, bytes_, floats
 from src.engine.product import product
-from src.engine.records import NEURONS, SPIKING_GRADIENTS, SPIKING_LAYERS, SPIKING_PASSES, SPIKING_TRACES
+from src.engine.records import CONSTANTS_ARRAY, SPIKING_GRADIENTS, SPIKING_LAYERS, SPIKING_PASSES, SPIKING_TRACES
 
 
 @inner
 def _branch_weights(layer, trace):  # type: ignore[no-untyped-def]
-    """The branch weights ``[d*n, inputs]``, expanded for this pass unless they are at hand."""
+    """The branch weights ``[d*n, inputs]``, computed for this pass unless they are there already."""
     n, inputs, branches = layer["neurons"], layer["inputs"], layer["branches"]
-    if layer["expanded"] != 0:
-        return floats(layer["expanded"], (branches * n, inputs))
-    expanded = floats(trace["expanded"], (branches * n, inputs))
+    if layer["branch_weights"] != 0:
+        return floats(layer["branch_weights"], (branches * n, inputs))
+    weights = floats(trace["branch_weights"], (branches * n, inputs))
     expand_branches(
         floats(layer["weight"], (n, inputs)),
         bytes_(layer["branch"], (n, inputs)),
-        expanded.reshape(branches, n, inputs),
+        weights.reshape(branches, n, inputs),
     )
-    return expanded
+    return weights
 
 
 @inner
-def _layer_forward(sgemm, x, layer, trace, neuron, offsets, groups, steps, samples, kept):  # type: ignore[no-untyped-def]
-    """Spikes ``[G, T, B, n]`` of the input ``[G*T*B, inputs]``; potentials and largest branches of the kept."""
+def _layer_forward(sgemm, x, layer, trace, constants, offsets, groups, steps, samples, saved):  # type: ignore[no-untyped-def]
+    """Spikes ``[G, T, B, n]`` of the input ``[G*T*B, inputs]``; potentials and largest branches of the saved."""
     n, branches, neighbours = layer["neurons"], layer["branches"], layer["neighbours"]
     by_branch = layer["bias_per_branch"]
     spikes = floats(trace["spikes"], (groups, steps, samples, n))
-    potentials = floats(trace["potentials"], (kept, steps, samples, n))
-    largest = bytes_(trace["largest"], (kept if branches > 1 else 0, steps, samples, n))
+    potentials = floats(trace["potentials"], (saved, steps, samples, n))
+    largest = bytes_(trace["largest"], (saved if branches > 1 else 0, steps, samples, n))
     branch_bias = floats(layer["bias"], (branches if by_branch else 0, n))
     bias = np.zeros(n, np.float32) if by_branch else floats(layer["bias"], (n,))
     lateral = floats(layer["lateral"], (neighbours, n))
@@ -54,27 +54,27 @@ def _layer_forward(sgemm, x, layer, trace, neuron, offsets, groups, steps, sampl
     by_group = currents.reshape(groups, steps, samples, branches, n)
     nothing, no_branch = np.empty((0, 0, 0), np.float32), np.empty((0, 0, 0), np.int8)
     for g in range(groups):
-        index = g - (groups - kept)
+        index = g - (groups - saved)
         scan(
-            by_group[g], branch_bias, bias, lateral, offsets, neuron, spikes[g],
+            by_group[g], branch_bias, bias, lateral, offsets, constants, spikes[g],
             potentials[index] if index >= 0 else nothing,
             largest[index] if index >= 0 and branches > 1 else no_branch,
         )  # fmt: skip
     return spikes.reshape(count, n)
 
 
-@kernel(void(SPIKING_PASSES, SPIKING_LAYERS, SPIKING_TRACES, NEURONS, int64[::1]))
-def network_forward(passes, layers, traces, neurons, offsets):  # type: ignore[no-untyped-def]
+@kernel(void(SPIKING_PASSES, SPIKING_LAYERS, SPIKING_TRACES, CONSTANTS_ARRAY, int64[::1]))
+def network_forward(passes, layers, traces, all_constants, offsets):  # type: ignore[no-untyped-def]
     """Layer after layer, and the firing rates of the last; of one pass, and of neurons of one kind.
 
     ``offsets`` are the index distances of the K neighbours.
     """
-    this, neuron = passes[0], neurons[0]
+    this, constants = passes[0], all_constants[0]
     groups, steps, samples = this["groups"], this["steps"], this["samples"]
     x = floats(this["input_spikes"], (groups * steps * samples, layers[0]["inputs"]))
     for k in range(layers.shape[0]):
         x = _layer_forward(
-            this["sgemm"], x, layers[k], traces[k], neuron, offsets, groups, steps, samples, this["kept"]
+            this["sgemm"], x, layers[k], traces[k], constants, offsets, groups, steps, samples, this["saved"]
         )  # fmt: skip
     n = x.shape[1]
     by_step, rates = x.reshape(groups, steps, samples, n), floats(this["rates"], (groups * samples, n))
@@ -90,69 +90,72 @@ def network_forward(passes, layers, traces, neurons, offsets):  # type: ignore[n
 
 @inner
 def _layer_backward(  # type: ignore[no-untyped-def]
-    sgemm, grad, x, layer, trace, neuron, offsets, coding_gradient, to_input
+    sgemm, grad, x, layer, trace, constants, offsets, coding_gradient, grad_input
 ):
     """From the gradient to the spikes ``[T, B, n]`` (overwritten) to those of the parameters.
 
     And to the input, ``[T*B, inputs]``, or with a ``coding_gradient`` ``[1, T]`` to the strength ``[B, inputs]`` that x
-    encodes; to neither where ``to_input`` is empty.
+    encodes; to neither where ``grad_input`` is empty.
     """
     steps, samples, n = grad.shape
     inputs, branches, neighbours = layer["inputs"], layer["branches"], layer["neighbours"]
     by_branch, width = layer["bias_per_branch"], layer["branches"] * layer["neurons"]
-    to_branch_bias = floats(layer["to_bias"], (branches if by_branch else 0, n))
-    to_bias = np.empty(n, np.float32) if by_branch else floats(layer["to_bias"], (n,))
-    to_lateral, to_weight = floats(layer["to_lateral"], (neighbours, n)), floats(layer["to_weight"], (n, inputs))
-    rows.fill(to_bias, rows.ZERO)
-    for m in range(to_branch_bias.shape[0]):
-        rows.fill(to_branch_bias[m], rows.ZERO)
+    grad_branch_bias = floats(layer["grad_bias"], (branches if by_branch else 0, n))
+    grad_bias = np.empty(n, np.float32) if by_branch else floats(layer["grad_bias"], (n,))
+    grad_lateral = floats(layer["grad_lateral"], (neighbours, n))
+    grad_weight = floats(layer["grad_weight"], (n, inputs))
+    rows.fill(grad_bias, rows.ZERO)
+    for m in range(grad_branch_bias.shape[0]):
+        rows.fill(grad_branch_bias[m], rows.ZERO)
     for neighbour in range(neighbours):
-        rows.fill(to_lateral[neighbour], rows.ZERO)
+        rows.fill(grad_lateral[neighbour], rows.ZERO)
     if branches == 1:  # in place of that to the spikes
-        to_currents = grad.reshape(steps * samples, n)
+        grad_currents = grad.reshape(steps * samples, n)
     else:
-        to_currents = aligned(steps * samples * width).reshape(steps * samples, width)
+        grad_currents = aligned(steps * samples * width).reshape(steps * samples, width)
     scan_gradient(
         grad,
         floats(trace["spikes"], (steps, samples, n)),
         floats(trace["potentials"], (steps, samples, n)),
         bytes_(trace["largest"], (steps if branches > 1 else 0, samples, n)),
         floats(layer["lateral"], (neighbours, n)),
-        offsets, neuron, to_currents.reshape(steps, samples, branches, n), to_branch_bias, to_bias, to_lateral,
+        offsets, constants, grad_currents.reshape(steps, samples, branches, n), grad_branch_bias, grad_bias,
+        grad_lateral,
     )  # fmt: skip
     if branches > 1:
-        to_expanded = aligned(width * inputs).reshape(width, inputs)
-        product(sgemm, to_currents, True, x, False, to_expanded)
+        grad_branch_weights = aligned(width * inputs).reshape(width, inputs)
+        product(sgemm, grad_currents, True, x, False, grad_branch_weights)
         branch = bytes_(layer["branch"], (n, inputs))
-        collect_branches(to_weight, branch, to_expanded.reshape(branches, n, inputs))
+        collect_branches(grad_weight, branch, grad_branch_weights.reshape(branches, n, inputs))
     else:
-        product(sgemm, to_currents, True, x, False, to_weight)
-    weights = floats(layer["expanded"] if layer["expanded"] != 0 else trace["expanded"], (width, inputs))
-    if coding_gradient.shape[0] > 0 and to_input.shape[0] > 0:
+        product(sgemm, grad_currents, True, x, False, grad_weight)
+    address = layer["branch_weights"] if layer["branch_weights"] != 0 else trace["branch_weights"]
+    weights = floats(address, (width, inputs))
+    if coding_gradient.shape[0] > 0 and grad_input.shape[0] > 0:
         summed = aligned(samples * width).reshape(samples, width)
-        by_step = to_currents.reshape(steps, samples * width)
+        by_step = grad_currents.reshape(steps, samples * width)
         product(sgemm, coding_gradient, False, by_step, False, summed.reshape(1, samples * width))
-        product(sgemm, summed, False, weights, False, to_input)
-    elif to_input.shape[0] > 0:
-        product(sgemm, to_currents, False, weights, False, to_input)
+        product(sgemm, summed, False, weights, False, grad_input)
+    elif grad_input.shape[0] > 0:
+        product(sgemm, grad_currents, False, weights, False, grad_input)
 
 
-@kernel(void(SPIKING_GRADIENTS, SPIKING_LAYERS, SPIKING_TRACES, NEURONS, int64[::1], float32[:, ::1]))
-def network_backward(gradients, layers, traces, neurons, offsets, coding_gradient):  # type: ignore[no-untyped-def]
+@kernel(void(SPIKING_GRADIENTS, SPIKING_LAYERS, SPIKING_TRACES, CONSTANTS_ARRAY, int64[::1], float32[:, ::1]))
+def network_backward(gradients, layers, traces, all_constants, offsets, coding_gradient):  # type: ignore[no-untyped-def]
     """From the gradient to the raw action to those of all layers' parameters and of the stimulation strength.
 
     ``coding_gradient`` is ``d spike_tau / d A``, ``[1, T]``.
     """
-    this, neuron, last = gradients[0], neurons[0], layers.shape[0] - 1
+    this, constants, last = gradients[0], all_constants[0], layers.shape[0] - 1
     steps, samples, actions = this["steps"], this["samples"], this["actions"]
     nothing, n = np.empty((0, 0), np.float32), layers[last]["neurons"]
-    to_raw = floats(this["to_raw"], (samples, actions))
+    grad_raw = floats(this["grad_raw"], (samples, actions))
     decoder = floats(this["decoder"], (actions, n // actions))
     grad = aligned(steps * samples * n).reshape(steps, samples, n)
     for b in range(samples):
         for m in range(decoder.shape[0]):
             for p in range(decoder.shape[1]):
-                grad[0, b, m * decoder.shape[1] + p] = to_raw[b, m] * decoder[m, p] / np.float32(steps)
+                grad[0, b, m * decoder.shape[1] + p] = grad_raw[b, m] * decoder[m, p] / np.float32(steps)
     for t in range(1, steps):
         rows.copy(grad[t].reshape(samples * n), grad[0].reshape(samples * n))
     for k in range(last, -1, -1):
@@ -160,17 +163,19 @@ def network_backward(gradients, layers, traces, neurons, offsets, coding_gradien
         if k > 0:
             x = floats(traces[k - 1]["spikes"], (steps * samples, inputs))
             below = aligned(steps * samples * inputs).reshape(steps, samples, inputs)
-            to_input = below.reshape(steps * samples, inputs)
-            _layer_backward(this["sgemm"], grad, x, layers[k], traces[k], neuron, offsets, nothing, to_input)
+            grad_input = below.reshape(steps * samples, inputs)
+            _layer_backward(this["sgemm"], grad, x, layers[k], traces[k], constants, offsets, nothing, grad_input)
             grad = below
         else:
             x = floats(this["input_spikes"], (steps * samples, inputs))
-            to_strength = floats(this["to_strength"], (samples if this["to_strength"] != 0 else 0, inputs))
-            _layer_backward(this["sgemm"], grad, x, layers[k], traces[k], neuron, offsets, coding_gradient, to_strength)
+            grad_strength = floats(this["grad_strength"], (samples if this["grad_strength"] != 0 else 0, inputs))
+            _layer_backward(
+                this["sgemm"], grad, x, layers[k], traces[k], constants, offsets, coding_gradient, grad_strength
+            )
 
 
 @kernel(void(SPIKING_LAYERS, SPIKING_TRACES))
-def expand_all(layers, traces):  # type: ignore[no-untyped-def]
+def expand_all_branches(layers, traces):  # type: ignore[no-untyped-def]
     """The branch weights of all layers with dendrites, to where the traces say."""
     for k in range(layers.shape[0]):
         if layers[k]["branches"] > 1:

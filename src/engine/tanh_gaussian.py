@@ -29,7 +29,7 @@ class Sample(NamedTuple):
     action: Tensor  # [B, M]
     log_probability: Tensor  # [B]
     log_std: Tensor  # [B, M], before it is clamped
-    kept: Tensor  # [2, B, M]: t and s n
+    saved: Tensor  # [2, B, M]: t and s n
 
 
 def sample(mean: Tensor, log_std: Tensor, noise: Tensor, bounds: Bounds) -> Sample:
@@ -37,24 +37,24 @@ def sample(mean: Tensor, log_std: Tensor, noise: Tensor, bounds: Bounds) -> Samp
     samples, size = mean.shape
     found = Sample(mean.new_empty(samples, size), mean.new_empty(samples), log_std, mean.new_empty(2, samples, size))
     inputs = (mean.data_ptr(), log_std.data_ptr(), noise.data_ptr())
-    results = (found.action.data_ptr(), found.log_probability.data_ptr(), found.kept.data_ptr())
+    results = (found.action.data_ptr(), found.log_probability.data_ptr(), found.saved.data_ptr())
     _sample(samples, size, *inputs, *bounds, *results)
     return found
 
 
-def gradient(drawn: Sample, to_action: Tensor, to_log_probability: Tensor, bounds: Bounds) -> tuple[Tensor, Tensor]:
+def gradient(drawn: Sample, grad_action: Tensor, grad_log_probability: Tensor, bounds: Bounds) -> tuple[Tensor, Tensor]:
     """From the gradients to action ``[B, M]`` and log-probability ``[B]`` to those of mean and log-std, ``[B, M]``."""
     samples, size = drawn.action.shape
-    to_mean, to_log_std = torch.empty_like(drawn.action), torch.empty_like(drawn.action)
-    inputs = (to_action.data_ptr(), to_log_probability.data_ptr(), drawn.log_std.data_ptr())
-    results = (drawn.kept.data_ptr(), to_mean.data_ptr(), to_log_std.data_ptr())
+    grad_mean, grad_log_std = torch.empty_like(drawn.action), torch.empty_like(drawn.action)
+    inputs = (grad_action.data_ptr(), grad_log_probability.data_ptr(), drawn.log_std.data_ptr())
+    results = (drawn.saved.data_ptr(), grad_mean.data_ptr(), grad_log_std.data_ptr())
     _gradient(samples, size, *inputs, *bounds, *results)
-    return to_mean, to_log_std
+    return grad_mean, grad_log_std
 
 
 @kernel(_SIGNATURE)
 def _sample(  # type: ignore[no-untyped-def]
-    samples, size, mean, log_std, noise, low, high, limit, action, log_probability, kept
+    samples, size, mean, log_std, noise, low, high, limit, action, log_probability, saved
 ):
     """Fill action, log-probability ``[B]`` and what the gradient needs: t and s n; all others ``[B, M]``, by address.
 
@@ -63,7 +63,7 @@ def _sample(  # type: ignore[no-untyped-def]
     shape = (samples, size)
     mean, log_std = floats(mean, shape), floats(log_std, shape)
     noise, action = floats(noise, shape), floats(action, shape)
-    log_probability, kept = floats(log_probability, (samples,)), floats(kept, (2, samples, size))
+    log_probability, saved = floats(log_probability, (samples,)), floats(saved, (2, samples, size))
     for b in range(samples):
         total = ZERO
         for j in range(size):
@@ -72,7 +72,7 @@ def _sample(  # type: ignore[no-untyped-def]
             spread = np.exp(own) * n
             u = mean[b, j] + spread
             squashed = np.tanh(u)
-            kept[0, b, j], kept[1, b, j] = squashed, spread
+            saved[0, b, j], saved[1, b, j] = squashed, spread
             action[b, j] = squashed * limit
             softplus = max(-TWO * u, ZERO) + np.log1p(np.exp(-abs(TWO * u)))
             total += -HALF * n * n - own - HALF_LOG_2PI - TWO * (LOG_2 - u - softplus)
@@ -81,17 +81,17 @@ def _sample(  # type: ignore[no-untyped-def]
 
 @kernel(_SIGNATURE)
 def _gradient(  # type: ignore[no-untyped-def]
-    samples, size, grad_action, grad_log_probability, log_std, low, high, limit, kept, grad_mean, grad_log_std
+    samples, size, grad_action, grad_log_probability, log_std, low, high, limit, saved, grad_mean, grad_log_std
 ):
     """Fill the gradients to mean and log_std; none to a log_std out of its bounds. Arrays come by address."""
     shape = (samples, size)
     grad_action, log_std = floats(grad_action, shape), floats(log_std, shape)
     grad_mean, grad_log_std = floats(grad_mean, shape), floats(grad_log_std, shape)
     grad_log_probability = floats(grad_log_probability, (samples,))
-    kept = floats(kept, (2, samples, size))
+    saved = floats(saved, (2, samples, size))
     for b in range(samples):
         for j in range(size):
-            t, spread = kept[0, b, j], kept[1, b, j]
+            t, spread = saved[0, b, j], saved[1, b, j]
             g = grad_action[b, j] * limit * (ONE - t * t) + grad_log_probability[b] * TWO * t
             grad_mean[b, j] = g
             inside = low <= log_std[b, j] <= high

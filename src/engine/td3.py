@@ -1,7 +1,7 @@
 """TD3's updates on the engine: those of :class:`src.algorithms.td3.TD3`, without autograd.
 
 What is reordered: the targets of the minibatches that the same target networks serve are computed in one pass; noise is
-scaled for the whole burst. What is not: every equation, and each minibatch's own chance.
+scaled for the whole burst. What is not: every equation, and the order of the random draws.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ class FastTD3(td3.TD3):
         self.flat = {name: FlatParameters(module.parameters()) for name, module in self.modules.items()}
         rates = {"actor": self.config.actor_learning_rate, "critic": self.config.critic_learning_rate}
         self.optimizers = {name: cast(Any, FlatAdam(self.flat[name], rate)) for name, rate in rates.items()}
-        self._actor = bind(self.policy.actor, self.flat["actor"].gradient_of)
+        self._actor = bind(self.policy.actor, self.flat["actor"].grads)
         self._target_actor = bind(self.target_policy.actor)
-        self._critic = BoundMLP((self.critic.networks,), False, self.flat["critic"].gradient_of)
+        self._critic = BoundMLP((self.critic.networks,), False, self.flat["critic"].grads)
         self._target_critic = BoundMLP((self.target_critic.networks,), False)
         self._actor.refresh()
 
@@ -84,13 +84,13 @@ class FastTD3(td3.TD3):
 
     def _actor_step(self, observation: Tensor, record: BurstRecord, with_health: bool) -> None:
         """One step up the gradient of Q1 at the actor's actions, and the targets' step."""
-        (raw,), health, pull = self._actor.vjp(observation.unsqueeze(0), self.streams.encoder, with_health)
+        (raw,), health, vjp_fn = self._actor.vjp(observation.unsqueeze(0), self.streams.encoder, with_health)
         squashed = torch.tanh(raw)
         inputs = torch.cat([observation, squashed * self.action_limit], dim=-1)
         scale, first = -1.0 / len(inputs), observation.shape[1]
-        first_value, to_action = self._critic.minimum_input_gradient(inputs, first, scale, members=1)
+        first_value, grad_action = self._critic.minimum_input_gradient(inputs, first, scale, members=1)
         record.add_samples(first_value[0])
-        pull(torch.ops.aten.tanh_backward(to_action * self.action_limit, squashed))
+        vjp_fn(torch.ops.aten.tanh_backward(grad_action * self.action_limit, squashed))
         self.optimizers["actor"].step()
         self.policy.actor.project()
         self.actor_updates += 1

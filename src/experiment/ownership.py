@@ -69,7 +69,7 @@ def acquire(run: Run) -> Iterator[tuple[RunDirectory, NextAction]]:
             raise BusyError(f"{run.name}: running on another machine")
         found = next_action(run, lock_is_ours=True)
         if found.action is Action.CONFLICT:
-            raise ConfigurationError(refusal(run, found))
+            raise ConfigurationError(conflict_message(run, found))
         if found.action not in (Action.SKIP, Action.DIVERGED):
             directory.remove_leftovers()
             directory.reserve()
@@ -81,7 +81,7 @@ def acquire(run: Run) -> Iterator[tuple[RunDirectory, NextAction]]:
         lock.release()
 
 
-def refusal(run: Run, found: NextAction) -> str:
+def conflict_message(run: Run, found: NextAction) -> str:
     """Why a run is refused and what to do."""
     return (
         f"{run.name}: {found.reason} Choose another place (study=..., or label=... for a variant), "

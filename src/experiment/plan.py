@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from src.config import ENGINE, ConfigurationError, to_dict
 from src.config.identity import Run, differences, flatten, hashed_values
 from src.experiment.checks import check_devices, check_installed
-from src.experiment.ownership import refusal
+from src.experiment.ownership import conflict_message
 from src.experiment.run_directory import ManifestError, RunDirectory
 from src.experiment.state import TO_DO, Action, NextAction, next_action
 
@@ -61,7 +61,7 @@ def make_plan(runs: Sequence[Run], gpus_here: bool = False) -> Plan:
         check_devices(run.config for run in runs)
     _refuse_shared_directories(runs)
     plan = Plan(tuple(PlannedRun(run, RunDirectory(run.path), next_action(run)) for run in runs))
-    _refuse([refusal(each.run, each.next) for each in plan.having(Action.CONFLICT)])
+    _refuse([conflict_message(each.run, each.next) for each in plan.having(Action.CONFLICT)])
     _refuse(list(_mixed_seeds(runs)))
     return plan
 

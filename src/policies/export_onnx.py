@@ -25,7 +25,7 @@ _OPSET = 17
 
 
 class PlainPolicy(nn.Module):
-    """What a policy computes, chance as an input.
+    """What a policy computes, random numbers as an input.
 
     Args:
         trained: the policy. Its actor must draw nothing but what Poisson coding draws.

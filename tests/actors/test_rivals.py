@@ -8,7 +8,7 @@ import torch
 from src.actors.build import build_actor
 from src.actors.dn import DNConstants, dn_layer
 from src.config import ConfigurationError
-from src.engine.binding import refusal
+from src.engine.binding import unsupported_reason
 from src.streams import Streams
 from tests.actors import stepwise
 from tests.actors.configuration import configuration
@@ -137,11 +137,11 @@ def test_health_is_theirs_too(actor):
     ],
 )
 def test_the_engine_says_what_it_does_not_compute(actor, encoder, overrides, words):
-    assert words in refusal(built(actor, encoder, **overrides)[1])
+    assert words in unsupported_reason(built(actor, encoder, **overrides)[1])
 
 
 def test_the_engine_serves_plain_lif_neurons():
-    assert refusal(built("lif_san", "deterministic")[1]) is None
+    assert unsupported_reason(built("lif_san", "deterministic")[1]) is None
 
 
 @pytest.mark.parametrize(

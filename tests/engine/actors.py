@@ -28,9 +28,9 @@ def exact(built):
     return built
 
 
-def autograd(built, observation, to_raw, generator):
+def autograd(built, observation, grad_raw, generator):
     """Raw action, health, and the gradient of each parameter by autograd through the plain modules."""
     raw, health = built.forward_with_health(observation, generator)
     parameters = list(built.parameters())
-    gradients = torch.autograd.grad(raw, parameters, to_raw, allow_unused=True, materialize_grads=True)
+    gradients = torch.autograd.grad(raw, parameters, grad_raw, allow_unused=True, materialize_grads=True)
     return raw.detach(), health, dict(zip(parameters, gradients, strict=True))

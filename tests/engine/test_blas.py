@@ -14,7 +14,7 @@ HAS_MKL = blas.address("mkl") is not None
 
 def bind(sizes):
     network = EnsembleMLP(sizes, 2, Streams(0), "test")
-    return network, BoundMLP((network,), False, FlatParameters(network.parameters()).gradient_of)
+    return network, BoundMLP((network,), False, FlatParameters(network.parameters()).grads)
 
 
 @pytest.fixture(autouse=True)

@@ -15,7 +15,7 @@ def test_parameters_are_views_of_one_tensor_each_at_a_cache_line():
     flat = FlatParameters(module.parameters())
     for p, value in zip(module.parameters(), values, strict=True):
         assert torch.equal(p, value) and p.data_ptr() % 64 == 0
-        assert flat.gradient_of[p].data_ptr() % 64 == 0
+        assert flat.grads[p].data_ptr() % 64 == 0
     flat.values.mul_(2)
     assert all(torch.equal(p, 2 * value) for p, value in zip(module.parameters(), values))
 

@@ -16,7 +16,7 @@ from tests.engine.actors import ACTION_SIZE, OBSERVATION_SIZE, actor
 def bind(sizes, ensemble=2, final_relu=False):
     network = EnsembleMLP(sizes, ensemble, Streams(0), "test", final_relu=final_relu)
     flat = FlatParameters(network.parameters())
-    return network, BoundMLP((network,), final_relu, flat.gradient_of), flat
+    return network, BoundMLP((network,), final_relu, flat.grads), flat
 
 
 @pytest.mark.parametrize("sizes", [[6, 33, 17, 3], [6, 9, 40, 17, 3], [6, 3]])  # the widest layer first, later, none
@@ -24,18 +24,18 @@ def bind(sizes, ensemble=2, final_relu=False):
 @pytest.mark.parametrize("batch", [1, 11, 100])
 def test_values_and_gradients_are_autograds(sizes, final_relu, batch):
     network, bound, flat = bind(sizes, 3, final_relu)
-    x, to_outputs = torch.randn(batch, 6, requires_grad=True), torch.randn(3, batch, sizes[-1])
+    x, grad_outputs = torch.randn(batch, 6, requires_grad=True), torch.randn(3, batch, sizes[-1])
     expected = network(x)
     parameters = list(network.parameters())
-    to_x, *gradients = torch.autograd.grad(expected, [x, *parameters], to_outputs)
-    kept = bound.forward_kept(x.detach())
-    torch.testing.assert_close(kept.hidden[-1], expected.detach())
+    grad_input, *gradients = torch.autograd.grad(expected, [x, *parameters], grad_outputs)
+    saved = bound.forward_saving(x.detach())
+    torch.testing.assert_close(saved.hidden[-1], expected.detach())
     torch.testing.assert_close(bound.forward(x.detach()), expected.detach())
     flat.gradient.fill_(torch.nan)
-    torch.testing.assert_close(bound.pull(kept, to_outputs, to_input=True), to_x, rtol=1e-4, atol=1e-5)
+    torch.testing.assert_close(bound.vjp(saved, grad_outputs, with_input=True), grad_input, rtol=1e-4, atol=1e-5)
     for parameter, gradient in zip(parameters, gradients, strict=True):
-        torch.testing.assert_close(flat.gradient_of[parameter], gradient, rtol=1e-4, atol=1e-5)
-    assert bound.pull(kept, to_outputs) is None
+        torch.testing.assert_close(flat.grads[parameter], gradient, rtol=1e-4, atol=1e-5)
+    assert bound.vjp(saved, grad_outputs) is None
 
 
 @pytest.mark.parametrize("batch", [1, 7, 300])
@@ -50,7 +50,7 @@ def test_a_squared_error_step_is_autograds(batch, ensemble):
     torch.testing.assert_close(values, expected.detach())
     torch.testing.assert_close(loss, expected_loss.detach())
     for parameter, gradient in zip(network.parameters(), torch.autograd.grad(expected_loss, network.parameters())):
-        torch.testing.assert_close(flat.gradient_of[parameter], gradient)
+        torch.testing.assert_close(flat.grads[parameter], gradient)
 
 
 @pytest.mark.parametrize("members", [1, 2, 3])
@@ -87,10 +87,10 @@ def test_nan_propagates(member):
 
 def test_the_last_rows_alone_are_a_minibatch_of_their_own():
     _, bound, flat = bind([6, 33, 3], 1)
-    x, to_outputs = torch.randn(20, 6), torch.randn(1, 8, 3)
-    bound.pull(bound.forward_kept(x).last(8), to_outputs)
+    x, grad_outputs = torch.randn(20, 6), torch.randn(1, 8, 3)
+    bound.vjp(bound.forward_saving(x).last(8), grad_outputs)
     found = flat.gradient.clone()
-    bound.pull(bound.forward_kept(x[12:]), to_outputs)
+    bound.vjp(bound.forward_saving(x[12:]), grad_outputs)
     torch.testing.assert_close(found, flat.gradient, rtol=1e-5, atol=1e-6)
 
 
@@ -98,26 +98,26 @@ def test_the_last_rows_alone_are_a_minibatch_of_their_own():
 def test_the_aan_is_the_plain_module(groups):
     built = actor("aan")
     flat = FlatParameters(built.parameters())
-    bound = BoundMLPActor(built, flat.gradient_of)
-    observation, to_raw = torch.randn(groups, 20, OBSERVATION_SIZE), torch.randn(20, ACTION_SIZE)
+    bound = BoundMLPActor(built, flat.grads)
+    observation, grad_raw = torch.randn(groups, 20, OBSERVATION_SIZE), torch.randn(20, ACTION_SIZE)
     expected = built(observation[-1])
-    gradients = torch.autograd.grad(expected, list(built.parameters()), to_raw)
-    raw, _, pull = bound.vjp(observation, None, True)
-    pull(to_raw)
+    gradients = torch.autograd.grad(expected, list(built.parameters()), grad_raw)
+    raw, _, vjp_fn = bound.vjp(observation, None, True)
+    vjp_fn(grad_raw)
     torch.testing.assert_close(raw[-1], expected.detach())
     torch.testing.assert_close(bound.raw(observation, None), raw)
     torch.testing.assert_close(bound.act(observation[-1], None), raw[-1])
     for parameter, gradient in zip(built.parameters(), gradients, strict=True):
-        torch.testing.assert_close(flat.gradient_of[parameter], gradient, rtol=1e-4, atol=1e-5)
+        torch.testing.assert_close(flat.grads[parameter], gradient, rtol=1e-4, atol=1e-5)
 
 
 @pytest.mark.parametrize("wrong", [torch.zeros(4, 6), torch.zeros(4, 5).double()])
 def test_what_would_read_beyond_an_array_is_refused(wrong):
     _, bound, _ = bind([5, 16, 8, 1])
-    for call in (bound.forward, bound.forward_kept, lambda x: bound.squared_error_step(x, torch.zeros(4))):
+    for call in (bound.forward, bound.forward_saving, lambda x: bound.squared_error_step(x, torch.zeros(4))):
         with pytest.raises(ValueError, match="the first layer takes 5"):
             call(wrong)
     with pytest.raises(ValueError, match=r"target"):
         bound.squared_error_step(torch.zeros(4, 5), torch.zeros(3))
     with pytest.raises(ValueError, match=r"the outputs are \[2, 4, 1\]"):
-        bound.pull(bound.forward_kept(torch.zeros(4, 5)), torch.zeros(2, 3, 1))
+        bound.vjp(bound.forward_saving(torch.zeros(4, 5)), torch.zeros(2, 3, 1))

@@ -34,7 +34,7 @@ OPTIONS = {
 
 def bind(built):
     flat = FlatParameters(built.parameters())
-    return BoundSpikingActor(built, flat.gradient_of), flat
+    return BoundSpikingActor(built, flat.grads), flat
 
 
 def draws():
@@ -45,15 +45,15 @@ def assert_serves(built, batch):
     """Values, health and gradients of a pass are the plain modules'."""
     bound, flat = bind(exact(built))
     observation = torch.randn(batch, OBSERVATION_SIZE)
-    to_raw = torch.linspace(-1, 1, batch * ACTION_SIZE).view(batch, ACTION_SIZE)
-    expected, expected_health, gradients = autograd(built, observation, to_raw, draws())
-    (raw,), health, pull = bound.vjp(observation.unsqueeze(0), draws(), True)
+    grad_raw = torch.linspace(-1, 1, batch * ACTION_SIZE).view(batch, ACTION_SIZE)
+    expected, expected_health, gradients = autograd(built, observation, grad_raw, draws())
+    (raw,), health, vjp_fn = bound.vjp(observation.unsqueeze(0), draws(), True)
     assert torch.equal(raw, expected)
     assert health == expected_health
     flat.gradient.fill_(torch.nan)
-    pull(to_raw)
+    vjp_fn(grad_raw)
     for parameter, gradient in gradients.items():
-        found = flat.gradient_of[parameter]
+        found = flat.grads[parameter]
         torch.testing.assert_close(found, gradient, rtol=1e-4, atol=1e-5 * float(gradient.abs().max()))
     bound.refresh()
     assert torch.equal(bound.act(observation, draws()), expected)
@@ -79,18 +79,18 @@ def test_every_option_is_served(option):
 def test_grouping_passes_moves_no_number(name, encoder):
     """Each minibatch draws its own chance: three at once are three one after the other, in values and gradients."""
     bound, flat = bind(exact(actor(name, encoder)))
-    observation, to_raw = torch.randn(3, 20, OBSERVATION_SIZE), torch.randn(20, ACTION_SIZE)
+    observation, grad_raw = torch.randn(3, 20, OBSERVATION_SIZE), torch.randn(20, ACTION_SIZE)
     together, alone = draws(), draws()
-    raw, health, pull = bound.vjp(observation, together, True)
+    raw, health, vjp_fn = bound.vjp(observation, together, True)
     raw = raw.clone()
-    pull(to_raw)
+    vjp_fn(grad_raw)
     gradient = flat.gradient.clone()
     for index in range(2):
         assert torch.equal(bound.raw(observation[index : index + 1], alone)[0], raw[index])
-    (last,), last_health, pull = bound.vjp(observation[2:], alone, True)
+    (last,), last_health, vjp_fn = bound.vjp(observation[2:], alone, True)
     assert torch.equal(last, raw[2]) and last_health == health
     assert torch.equal(together.get_state(), alone.get_state())
-    pull(to_raw)
+    vjp_fn(grad_raw)
     torch.testing.assert_close(flat.gradient, gradient, rtol=1e-4, atol=1e-6)
 
 
@@ -133,25 +133,25 @@ def test_buffers_are_bounded_however_many_sizes_come():
 def test_passes_of_other_sizes_do_not_disturb_each_other():
     bound, flat = bind(exact(actor("bptsan")))
     one, other = torch.randn(1, 20, OBSERVATION_SIZE), torch.randn(1, 7, OBSERVATION_SIZE)
-    to_raw = torch.randn(20, ACTION_SIZE)
-    _, _, pull = bound.vjp(one, None, False)
-    pull(to_raw)
+    grad_raw = torch.randn(20, ACTION_SIZE)
+    _, _, vjp_fn = bound.vjp(one, None, False)
+    vjp_fn(grad_raw)
     expected = flat.gradient.clone()
-    _, _, pull = bound.vjp(one, None, False)
+    _, _, vjp_fn = bound.vjp(one, None, False)
     bound.raw(other, None)
     bound.act(one[0], None)
-    pull(to_raw)
+    vjp_fn(grad_raw)
     assert torch.equal(flat.gradient, expected)
 
 
 def test_strided_observations_and_gradients_are_read_as_they_are():
     bound, flat = bind(exact(actor("bptsan")))
-    observation, to_raw = torch.randn(OBSERVATION_SIZE, 6), torch.randn(ACTION_SIZE, 6)
-    raw, _, pull = bound.vjp(observation.t().contiguous().unsqueeze(0), None, False)
-    pull(to_raw.t().contiguous())
+    observation, grad_raw = torch.randn(OBSERVATION_SIZE, 6), torch.randn(ACTION_SIZE, 6)
+    raw, _, vjp_fn = bound.vjp(observation.t().contiguous().unsqueeze(0), None, False)
+    vjp_fn(grad_raw.t().contiguous())
     expected, gradient = raw.clone(), flat.gradient.clone()
-    raw, _, pull = bound.vjp(observation.t().unsqueeze(0), None, False)
-    pull(to_raw.t())
+    raw, _, vjp_fn = bound.vjp(observation.t().unsqueeze(0), None, False)
+    vjp_fn(grad_raw.t())
     assert torch.equal(raw, expected) and torch.equal(flat.gradient, gradient)
 
 
@@ -161,10 +161,10 @@ def test_what_would_read_beyond_an_array_is_refused():
         bound.raw(torch.zeros(1, 2, 12), None)
     with pytest.raises(ValueError, match=r"torch.float64"):
         bound.act(torch.zeros(2, OBSERVATION_SIZE).double(), None)
-    _, _, pull = bound.vjp(torch.zeros(1, 2, OBSERVATION_SIZE), None, False)
+    _, _, vjp_fn = bound.vjp(torch.zeros(1, 2, OBSERVATION_SIZE), None, False)
     for wrong in (torch.zeros(3, 3), torch.zeros(2, 3).double()):
         with pytest.raises(ValueError, match=r"raw action is \[2, 3\], float32"):
-            pull(wrong)
+            vjp_fn(wrong)
     poisson, _ = bind(actor("bptsan", "poisson"))
     with pytest.raises(ValueError, match="generator"):
         poisson.raw(torch.zeros(1, 2, OBSERVATION_SIZE), None)
