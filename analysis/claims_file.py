@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from analysis.data.errors import InputError
 from analysis.hypothesis_tests import TEST_SEEDS
@@ -36,7 +36,10 @@ class Family(StrEnum):
 
 @dataclass(frozen=True)
 class Claim:
-    """``sum_i weights_i * mean(arms_i) > 0`` in final performance, on each of ``tasks``."""
+    """``sum_i weights_i * mean(arms_i) > 0`` in final performance, on each of ``tasks``.
+
+    ``removes``: the confounds that its arms do not have, where it is a control of another claim.
+    """
 
     name: str
     text: str
@@ -45,6 +48,7 @@ class Claim:
     arms: tuple[str, ...]
     weights: tuple[float, ...]
     tasks: tuple[str, ...]
+    removes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -65,6 +69,8 @@ class Claims:
 
 _STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 _Name = Annotated[str, Field(min_length=1)]
+#: A list, or the one name that it would hold.
+_Names = Annotated[list[_Name], BeforeValidator(lambda value: [value] if isinstance(value, str) else value)]
 _Share = Annotated[float, Field(gt=0, lt=1)]
 
 
@@ -73,6 +79,7 @@ class _Entry(BaseModel):
     name: _Name
     source: Literal["paper", "user"]
     text: str = ""
+    removes: _Names = []
 
     def claim(self, kind: Kind, tasks: tuple[str, ...], **roles: float) -> Claim:
         """The claim that an entry states; ``roles``: the weight of the arm that each key names."""
@@ -80,7 +87,8 @@ class _Entry(BaseModel):
         if len(set(arms)) < len(arms):
             raise ValueError(f"claim {self.name} names the same label twice")
         family = Family.DECLARED if self.source == "paper" else Family.USER
-        return Claim(self.name, self.text or self.name, kind, family, arms, tuple(roles.values()), tasks)
+        text = self.text or self.name
+        return Claim(self.name, text, kind, family, arms, tuple(roles.values()), tasks, tuple(self.removes))
 
 
 class _Difference(_Entry):

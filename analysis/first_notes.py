@@ -6,12 +6,17 @@ import numpy as np
 import pandas as pd
 
 from analysis.data.cells import Cell, select
+from analysis.data.confounds import LEARNING_RATE, MATCHED, PARAMETERS
 from analysis.data.names import actor_name, algorithm_name, task_name
-from analysis.data.study import Study
+from analysis.data.study import Study, flat_configuration
+from analysis.verdicts import ClaimResult, Judgement
+from analysis.verdicts.wording import confound_words
+
+MOST_CLAIMS = 6
 
 
-def first_notes(study: Study, cells: list[Cell]) -> list[str]:
-    """Refused cells, learning rates, evaluation noise, diverged runs: one sentence each."""
+def first_notes(study: Study, cells: list[Cell], judgement: Judgement) -> list[str]:
+    """Refused cells, confounds and which claims remove them, evaluation noise, diverged runs: one sentence each."""
     found = []
     if study.refused:
         shown = [
@@ -21,17 +26,24 @@ def first_notes(study: Study, cells: list[Cell]) -> list[str]:
         found.append(f"Refused, because they mix configurations (the notes name the keys): {', '.join(shown)}.")
     for algo in dict.fromkeys(cell.algo for cell in cells):
         here = select(cells, algo)
-        found += [sentence for sentence in (_learning_rates(study, here), _noise(here), _diverged(here)) if sentence]
+        results = [result for result in judgement.results if result.algo == algo and result.covered]
+        sentences = [_learning_rates(study, here, results), _parameters(results), *_not_removed(results)]
+        found += [sentence for sentence in (*sentences, _noise(here), _diverged(here)) if sentence]
     return found
 
 
-def _learning_rates(study: Study, here: list[Cell]) -> str:
-    """Whether all actors of an algorithm learn at one rate; the published comparison does not."""
+def _learning_rates(study: Study, here: list[Cell], results: list[ClaimResult]) -> str:
+    """Whether all actors of an algorithm learn at one rate; the published comparison does not. Labels that say their
+    rate have no part in it.
+    """
     rates: dict[float, list[str]] = {}
+    said = study.runs["changed_keys"].str.contains(r'"(?:algo\.actor_|actor\.)learning_rate"')
+    declared = set(study.runs.loc[said, "arm"])
     for cell in here:
-        config = study.configurations[f"{cell.algo}/{cell.env}/{cell.arm}"]
-        rate = config["algo"].get("actor_learning_rate")
-        if rate is not None and actor_name(cell.arm) not in rates.setdefault(float(rate), []):
+        rate = flat_configuration(study, cell.algo, cell.env, cell.arm).get("algo.actor_learning_rate")
+        if rate is None or cell.arm in declared:
+            continue
+        if actor_name(cell.arm) not in rates.setdefault(float(rate), []):
             rates[float(rate)].append(actor_name(cell.arm))
     name = algorithm_name(here[0].algo)
     if not rates:
@@ -42,8 +54,43 @@ def _learning_rates(study: Study, here: list[Cell]) -> str:
     shown = [f"{rate:g} for {', '.join(rates[rate])}" for rate in fewest[:-1]]
     return (
         f"{name}: actors learn at different rates ({'; '.join(shown)}; {fewest[-1]:g} for all others), as in the "
-        "published comparison: a difference between them is not the actor's alone."
+        f"published comparison: a difference between them is not the actor's alone.{_removed(LEARNING_RATE, results)}"
     )
+
+
+def _parameters(results: list[ClaimResult]) -> str:
+    """Which claims compare actors of different sizes."""
+    names = [result.claim.text for result in results if PARAMETERS in result.confounds]
+    if not names:
+        return ""
+    return (
+        f"{algorithm_name(results[0].algo)}: actors differ by more than {MATCHED:.0%} in the number of parameters in "
+        f"{_quoted(names)}.{_removed(PARAMETERS, results)}"
+    )
+
+
+def _removed(confound: str, results: list[ClaimResult]) -> str:
+    """Which claims do without a confound, by their ``removes`` and by their runs."""
+    if not results:
+        return ""
+    names = [one.claim.text for one in results if confound in one.claim.removes and confound not in one.confounds]
+    return f" Removed in {_quoted(names)}." if names else " No claim of this study removes that."
+
+
+def _not_removed(results: list[ClaimResult]) -> list[str]:
+    """Claims that are to remove a confound which their runs have."""
+    return [
+        f"{algorithm_name(one.algo)}: “{one.claim.text}” is to remove {name}, but its runs differ in it: "
+        f"{confound_words(one, values=True)}."
+        for one in results
+        for name in one.claim.removes
+        if name in one.confounds
+    ]
+
+
+def _quoted(names: list[str]) -> str:
+    more = f" and {len(names) - MOST_CLAIMS} more claims" if len(names) > MOST_CLAIMS else ""
+    return ", ".join(f"“{name}”" for name in names[:MOST_CLAIMS]) + more
 
 
 def _noise(here: list[Cell]) -> str:

@@ -39,7 +39,7 @@ def first_screen(study: Study, cells: list[Cell], judgement: Judgement) -> dict[
     forests = [forest for algo in algos for forest in _forests(judgement, algo, about["title"], len(algos) > 1)]
     return about | {
         "answer": headline(judgement),
-        "first": [note for note in [about["caution"], *first_notes(study, cells)] if note],
+        "first": [note for note in [about["caution"], *first_notes(study, cells, judgement)] if note],
         "forests": forests,
         "verdicts": VERDICTS,
         "bootstrap": few_seeds(),

@@ -9,7 +9,7 @@ from typing import Any
 from analysis.data.names import task_name
 from analysis.tables import pair
 from analysis.verdicts import ClaimResult, Judgement, Stage, TaskResult, Verdict
-from analysis.verdicts.wording import verdict_words
+from analysis.verdicts.wording import confound_words, removes_words, verdict_words
 
 
 @dataclass(frozen=True)
@@ -61,6 +61,7 @@ def _claim(result: ClaimResult, judgement: Judgement) -> ForestRow:
         remark += f"; interim, {result.n} of {judgement.rule.planned_seeds} seeds"
     if result.every_task is not None:
         remark += f"; on every task: {result.every_task}"
+    remark = "; ".join(filter(None, (remark, removes_words(result.claim), confound_words(result))))
     verdict = "" if judgement.too_few_seeds else verdict_words(result)
     return ForestRow(
         True, result.claim.name, str(result.claim.family), result.claim.text, f"n={result.n}", contrast.estimate,

@@ -1,18 +1,32 @@
-"""Settings outside the actor in which arms of one task differ: such arms are not compared."""
+"""What else arms of one task differ in: settings outside the actor, and what goes with it.
+
+Arms with other settings outside the actor are not compared. What goes with an actor (its learning rate, its number of
+parameters) is part of the published comparison, and a confound of it: arms are compared, and the report names it.
+"""
 
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from typing import Any
 
 import pandas as pd
 
 from analysis.data.flatten import WHO, differing_keys
 from analysis.data.names import actor_name
-from analysis.data.study import Study
+from analysis.data.study import Study, flat_configuration
 
-#: What goes with the actor [PopSAN], and where a run ran.
-EXEMPT = frozenset({"algo.actor_learning_rate", "algo.log_std_network", "threads", "device"} | WHO)
+LEARNING_RATE = "the learning rate"
+PARAMETERS = "the number of parameters"
+#: Settings that go with the actor [PopSAN], by the name that a claim's ``removes`` calls them.
+WITH_THE_ACTOR = {
+    "algo.actor_learning_rate": LEARNING_RATE,
+    "algo.log_std_network": "the network of the standard deviation",
+}
+#: Those, and where a run ran.
+EXEMPT = frozenset({*WITH_THE_ACTOR, "threads", "device"} | WHO)
+#: Numbers of parameters that differ by less than this share are matched: lateral weights are 1.6% of BPT-SAN's.
+MATCHED = 0.02
 
 #: What an arm's name says: the actor, its coding, an option of the algorithm.
 _MEANT = ("actor.", "encoder.", "algo.proxy_")
@@ -34,6 +48,32 @@ def confounds(study: Study, algo: str, env: str, arms: tuple[str, ...]) -> list[
             if not (key.startswith(_MEANT) or key == "algo.name" or key in changed):
                 found.setdefault(key, f"{key} ({old} for {actor_name(arms[0])}, {new} for {actor_name(arm)})")
     return [found[key] for key in sorted(found)]
+
+
+@dataclass(frozen=True)
+class Confound:
+    """What goes with the actor and differs between arms: its name, and ``0.0001 for BPT-SAN, 0.001 for AAN``."""
+
+    name: str
+    values: str
+
+
+def confounds_of_actors(study: Study, algo: str, env: str, arms: tuple[str, ...]) -> tuple[Confound, ...]:
+    """What goes with the actors of these arms on a task and is not the same, so that it may make their difference."""
+    found = []
+    for key, name in WITH_THE_ACTOR.items():
+        values = [flat_configuration(study, algo, env, arm).get(key) for arm in arms]
+        if len(set(map(str, values))) > 1 and None not in values:
+            found.append(Confound(name, _each(arms, [f"{v:g}" if isinstance(v, float) else str(v) for v in values])))
+    runs = study.runs[(study.runs["algo"] == algo) & (study.runs["env"] == env)]
+    sizes = [runs.loc[runs["arm"] == arm, "actor_parameters"].max() for arm in arms]
+    if not any(map(pd.isna, sizes)) and max(sizes) - min(sizes) > MATCHED * max(sizes):
+        found.append(Confound(PARAMETERS, _each(arms, [f"{int(size):,}" for size in sizes])))
+    return tuple(found)
+
+
+def _each(arms: tuple[str, ...], values: list[str]) -> str:
+    return ", ".join(f"{value} for {actor_name(arm)}" for arm, value in zip(arms, values))
 
 
 def _configuration(

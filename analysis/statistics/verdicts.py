@@ -12,6 +12,7 @@ import pandas as pd
 
 from analysis.claims_file import Family
 from analysis.coverage import covers
+from analysis.data.confounds import MATCHED
 from analysis.data.names import algorithm_name, task_name
 from analysis.improvement import SEPARATED
 from analysis.tables import Column, Table, number, p_value, pair, text
@@ -39,6 +40,8 @@ def claims_table(judgement: Judgement, title: str) -> Table:
             ("adjusted_p", "p (Holm)", partial(p_value, alpha=alpha)),
             ("every_task_words", "On every task", text),
         ]
+    if any(one.claim.removes for one in judgement.results):
+        columns.append(("removes", "Removes", text))
     columns += [
         ("seeds_needed", f"Seeds for {judgement.rule.smallest_effect:g} points", number()),
         ("remark", "Remark", text),
@@ -48,6 +51,13 @@ def claims_table(judgement: Judgement, title: str) -> Table:
         f"interval. {covers('pooled')} n: the least number of seeds in an arm. Seeds: per arm, to detect the smallest "
         f"relevant effect with {judgement.rule.power:.0%} power at the spread seen."
     )
+    if any(one.claim.removes for one in judgement.results):
+        caption += " Removes: a confound that a control's arms do not have, as its claims file says."
+    if any(one.confounds for one in judgement.results):
+        caption += (
+            " Confounded by: what goes with the actors and is not the same in the arms (numbers of parameters: by more "
+            f"than {MATCHED:.0%})."
+        )
     untested = [task for one in judgement.results for task in one.missing]
     if untested:
         caption += f" Not part of an effect: {wording.exclusions(untested)}."
@@ -59,8 +69,8 @@ def claims_table(judgement: Judgement, title: str) -> Table:
 _CLAIM = (
     "algo", "name", "family", "stage", "n", "planned_seeds", "effect", "low", "high", "p", "df", "adjusted_p",
     "verdict", "equal", "equal_p", "every_task", "every_task_p", "seeds_needed", "covered", "missing",
-    "random_for_diverged", "without_diverged", "algorithm", "text", "words", "shown", "tasks", "every_task_words",
-    "remark",
+    "removes", "confounds", "random_for_diverged", "without_diverged", "algorithm", "text", "words", "shown", "tasks",
+    "every_task_words", "remark",
 )  # fmt: skip
 
 
@@ -95,8 +105,11 @@ def _claim(one: ClaimResult, judgement: Judgement) -> dict[str, object]:
         "shown": pair(one.pooled.estimate, one.pooled.low, one.pooled.high, 1),
         "tasks": wording.tasks_words(one),
         "every_task_words": one.every_task,
+        "removes": ", ".join(one.claim.removes),
+        "confounds": ", ".join(one.confounds),
         "remark": _joined(
             wording.stage_words(one, planned),
+            wording.confound_words(one, values=True),
             wording.divergence_words([arm for task in one.tasks for arm in task.arms], one.diverged),
             wording.beyond_plan_words(one.tasks, planned),
             wording.own_reference_words(one.tasks),

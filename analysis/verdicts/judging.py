@@ -142,6 +142,7 @@ def _task(
         effect=effect,
         improvement=improvement,
         diverged=diverged,
+        confounds=task.confounds,
     )
 
 

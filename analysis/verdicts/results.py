@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from analysis.claims_file import Claim, Claims
+from analysis.data.confounds import Confound
 from analysis.hypothesis_tests import Contrast
 from analysis.references import Scale
 
@@ -96,6 +97,7 @@ class TaskResult:
         effect: Hedges' g; NaN for an interaction.
         improvement: None for an interaction, or without finished runs of both arms.
         diverged: None where no run diverged, or no verdict is due.
+        confounds: what goes with the actors and is not the same in the arms.
     """
 
     env: str
@@ -109,6 +111,7 @@ class TaskResult:
     effect: float
     improvement: Improvement | None
     diverged: WithoutDivergence | None
+    confounds: tuple[Confound, ...]
 
     @property
     def covered(self) -> bool:
@@ -152,6 +155,11 @@ class ClaimResult:
     def covered(self) -> tuple[str, ...]:
         """The tasks that the pooled effect is over."""
         return tuple(task.env for task in self.tasks if task.covered)
+
+    @property
+    def confounds(self) -> tuple[str, ...]:
+        """The names of what goes with the actors and is not the same in the arms, on any task."""
+        return tuple(dict.fromkeys(confound.name for task in self.tasks for confound in task.confounds))
 
     @property
     def missing(self) -> tuple[TaskResult, ...]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from analysis.claims_file import Claim, Claims, Family, Kind
 from analysis.data.cells import Cell, select
-from analysis.data.confounds import confounds
+from analysis.data.confounds import Confound, confounds, confounds_of_actors
 from analysis.data.names import actor_name, ordered_arms, ordered_tasks
 from analysis.data.study import Study
 from analysis.references import Scale, random_return, scale
@@ -31,6 +31,7 @@ class TaskSample:
     beyond_plan: tuple[int, ...]
     scale: Scale | None
     exclusion: Exclusion | None
+    confounds: tuple[Confound, ...] = ()
 
     @property
     def comparable(self) -> bool:
@@ -124,6 +125,7 @@ def _task(study: Study, cells: list[Cell], claims: Claims, claim: Claim, algo: s
         beyond_plan=tuple(int((c.seeds >= claims.planned_seeds).sum()) if c else 0 for c in found),
         scale=of_task,
         exclusion=_exclusion(study, cells, claim, algo, env, arms, of_task),
+        confounds=confounds_of_actors(study, algo, env, claim.arms) if all(map(len, arms)) else (),
     )
 
 

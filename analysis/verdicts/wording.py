@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
-from analysis.claims_file import Family
+from analysis.claims_file import Claim, Family
 from analysis.data.names import actor_name, algorithm_name, ordered_arms, ordered_tasks, task_name
 from analysis.hypothesis_tests import TEST_SEEDS, detectable_effect
 from analysis.verdicts.results import (
@@ -114,6 +114,27 @@ def beyond_plan_words(tasks: Iterable[TaskResult], planned: int) -> str:
     return f"seeds beyond the plan (0 to {planned - 1}), drawn but not judged: {shown}" if shown else ""
 
 
+def removes_words(claim: Claim) -> str:
+    """``removes the learning rate and the number of parameters``; empty for a claim that is no control."""
+    return f"removes {_and(claim.removes)}" if claim.removes else ""
+
+
+def confound_words(result: ClaimResult, values: bool = False) -> str:
+    """``confounded by the learning rate and the number of parameters``, with the arms' values where asked for."""
+    if not values:
+        return f"confounded by {_and(result.confounds)}" if result.confounds else ""
+    found: dict[tuple[str, str], list[str]] = {}
+    for task in result.tasks:
+        for confound in task.confounds:
+            found.setdefault((confound.name, confound.values), []).append(task_name(task.env))
+    with_runs = sum(bool(task.arms) and all(arm.n for arm in task.arms) for task in result.tasks)
+    shown = []
+    for (name, each), envs in found.items():
+        where = f" on {', '.join(envs)}" if len(envs) < with_runs else ""
+        shown.append(f"{name} ({each}{where})")
+    return f"confounded by {', '.join(shown)}" if shown else ""
+
+
 def own_reference_words(tasks: Iterable[TaskResult]) -> str:
     """On which tasks 100 is the study's own AAN."""
     own = ordered_tasks({task.env for task in tasks if task.scale and task.scale.own})
@@ -157,6 +178,10 @@ def headline(judgement: Judgement) -> str:
 
 def _list(texts: list[str]) -> str:
     return ", ".join(texts)
+
+
+def _and(names: Sequence[str]) -> str:
+    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
 
 
 def rule_words(judgement: Judgement) -> list[str]:

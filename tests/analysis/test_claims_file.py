@@ -68,6 +68,8 @@ def test_without_baselines_the_papers_are_meant(tmp_path):
         ({"claims": claim(worse="a")}, "claim mine names the same label twice"),
         ({"claims": claim(source="me")}, "claim mine: source should be 'paper' or 'user', found 'me'"),
         ({"claims": ["x"]}, "claim 1: should be a mapping"),
+        ({"claims": claim(removes=3)}, "claim mine: removes should be a valid list, found 3"),
+        ({"claims": claim(removes="")}, "claim mine: removes.1 String should have at least 1 character"),
     ],
 )
 def test_nonsense_gives_one_sentence(tmp_path, changes, sentence):
