@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import NamedTuple
+from typing import NamedTuple, TypeGuard
 
 import torch
 from torch import Tensor, nn
@@ -59,17 +59,17 @@ class NotTraceable(ValueError):
     """Nothing is known of this actor's insides; the message says why."""
 
 
-def is_spiking(actor: Actor) -> bool:
+def is_spiking(actor: Actor) -> TypeGuard[SpikingActor]:
     """Whether it computes what :class:`SpikingActor` does (a subclass with a ``forward`` of its own does not)."""
     return isinstance(actor, SpikingActor) and type(actor).forward is SpikingActor.forward
 
 
-def is_perceptron(actor: Actor) -> bool:
+def is_perceptron(actor: Actor) -> TypeGuard[MLPActor]:
     """Whether it computes what :class:`MLPActor` does."""
     return isinstance(actor, MLPActor) and type(actor).forward is MLPActor.forward
 
 
-def is_population_perceptron(actor: Actor) -> bool:
+def is_population_perceptron(actor: Actor) -> TypeGuard[PopulationMLPActor]:
     """Whether it computes what :class:`PopulationMLPActor` does."""
     return isinstance(actor, PopulationMLPActor) and type(actor).forward is PopulationMLPActor.forward
 
@@ -85,13 +85,10 @@ def trace(actor: Actor, observation: Tensor, generator: torch.Generator | None =
         NotTraceable: such an actor calls no ``nn.Linear`` layer.
     """
     if is_spiking(actor):
-        assert isinstance(actor, SpikingActor)
         return _spiking(actor, observation, generator)
     if is_perceptron(actor):
-        assert isinstance(actor, MLPActor)
         return _perceptron(actor, observation)
     if is_population_perceptron(actor):
-        assert isinstance(actor, PopulationMLPActor)
         return _population_perceptron(actor, observation)
     return _unknown(actor, observation, generator)
 
@@ -116,16 +113,13 @@ class Layer(NamedTuple):
 def weighted_layers(actor: Actor) -> list[Layer]:
     """Every connection layer in the order of the data; of an unknown actor its ``nn.Linear`` layers."""
     if is_perceptron(actor):
-        assert isinstance(actor, MLPActor)
         return [Layer(f"layer{n}", *parts) for n, parts in enumerate(linear_layers(actor), start=1)]
     if is_population_perceptron(actor):
-        assert isinstance(actor, PopulationMLPActor)
         hidden = [Layer(f"layer{n}", *parts) for n, parts in enumerate(_layers_of(actor.hidden), start=1)]
         return [*hidden, Layer("decoder", actor.decoder.weight, actor.decoder.bias)]
     if not is_spiking(actor):
         linear = [(name, module) for name, module in actor.named_modules() if isinstance(module, nn.Linear)]
         return [Layer(name, module.weight, module.bias) for name, module in linear]
-    assert isinstance(actor, SpikingActor)
     layers = []
     for number, layer in enumerate(actor.spiking_layers(), start=1):
         layers.append(Layer(f"layer{number}", layer.synapse.weight, layer.synapse.bias))

@@ -84,8 +84,8 @@ class WeightsAndBiases:
             import wandb
         except ImportError:
             raise ConfigurationError("logger=wandb: wandb is not installed; run: pip install '.[wandb]'") from None
-        cell = run.path.parts[-5:-1]  # algorithm, environment, label, encoder
-        label, environment = cell[2], cell[1]
+        configuration = run.path.parts[-5:-1]  # algorithm, environment, label, encoder
+        label, environment = configuration[2], configuration[1]
         try:
             self._run: Any = wandb.init(
                 project=config.logger.project,
@@ -94,7 +94,7 @@ class WeightsAndBiases:
                 id=_wandb_id(run.state),
                 resume="allow",
                 name=f"{label}-{environment}-{run.path.name}"[-_WANDB_NAME_LENGTH:],
-                group="/".join((config.study, *cell))[-_WANDB_NAME_LENGTH:],
+                group="/".join((config.study, *configuration))[-_WANDB_NAME_LENGTH:],
                 config=to_dict(config),
                 allow_val_change=True,  # an extended run has other total_steps
             )
@@ -118,7 +118,7 @@ def open_logger(config: ExperimentConfig, run: RunDirectory, step: int) -> Logge
 
     Args:
         config: the run's configuration.
-        run: its claimed run directory.
+        run: its run directory.
         step: from which the run goes on; 0: from its beginning.
 
     Raises:

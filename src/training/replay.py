@@ -89,7 +89,20 @@ def sample_minibatches(buffer: Replay, count: int, batch_size: int) -> Minibatch
     return Minibatches(*(column.view(count, batch_size, *column.shape[1:]) for column in columns))
 
 
-class WindowSampler(Sampler):
+class _Stateless:
+    """What TorchRL asks of samplers and writers that could be saved; a run's checkpoint holds length and generator."""
+
+    def state_dict(self) -> dict[str, Any]:
+        """Nothing."""
+        return {}
+
+    def _ignore(self, *_: Any, **__: Any) -> None:
+        """Nothing to load, write, read or forget."""
+
+    load_state_dict = dumps = loads = _empty = _ignore
+
+
+class WindowSampler(_Stateless, Sampler):
     """Uniform, with replacement, over the last ``capacity`` of L: index ~ U{max(0, L - capacity), ..., L - 1}."""
 
     def __init__(self, capacity: int) -> None:
@@ -102,24 +115,8 @@ class WindowSampler(Sampler):
             raise RuntimeError("the replay is empty")
         return torch.randint(max(0, length - self.capacity), length, (batch_size,), generator=self._rng), {}
 
-    def state_dict(self) -> dict[str, Any]:
-        """Nothing: the generator is saved by the run's checkpoint."""
-        return {}
 
-    def load_state_dict(self, state_dict: dict[str, Any]) -> None:
-        """Nothing to load."""
-
-    def _empty(self) -> None:
-        """Nothing to forget."""
-
-    def dumps(self, path: Any) -> None:
-        """Nothing to write."""
-
-    def loads(self, path: Any) -> None:
-        """Nothing to read."""
-
-
-class AppendWriter(Writer):
+class AppendWriter(_Stateless, Writer):
     """Writes behind the last transition; the log's length is its only cursor."""
 
     @property
@@ -134,22 +131,6 @@ class AppendWriter(Writer):
     def add(self, data: Transitions) -> int:
         """Append one transition given as a batch of one; returns its index."""
         return int(self.extend(data)[0])
-
-    def state_dict(self) -> dict[str, Any]:
-        """Nothing: the log's length is saved by the run's checkpoint."""
-        return {}
-
-    def load_state_dict(self, state_dict: dict[str, Any]) -> None:
-        """Nothing to load."""
-
-    def _empty(self, empty_write_count: bool = True) -> None:
-        """Nothing to forget."""
-
-    def dumps(self, path: Any) -> None:
-        """Nothing to write."""
-
-    def loads(self, path: Any) -> None:
-        """Nothing to read."""
 
 
 def _as_is(data: Any) -> Any:
