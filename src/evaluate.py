@@ -79,9 +79,10 @@ def check_csv(path: Path) -> None:
         raise ConfigurationError(f"--csv: {path} can't be written; choose another place.")
 
 
-def play(path: Path, episodes: int, seed: int) -> list[tuple[float, int]]:
-    """``(return, length)`` per episode. The episodes differ from all those of the run's own evaluations."""
+def play(path: Path, episodes: int, seed: int) -> tuple[str, list[tuple[float, int]]]:
+    """When the policy was kept, and ``(return, length)`` per episode; no evaluation of the run played these."""
     process.set_threads_before_torch(1)
+    from src.policies import summary
     from src.policies.load import FRESH, load_policy
     from src.streams import Streams
     from src.training.evaluation import Evaluator
@@ -89,10 +90,11 @@ def play(path: Path, episodes: int, seed: int) -> list[tuple[float, int]]:
     trained = load_policy(path)
     config = replace(trained.config, protocol=replace(trained.config.protocol, evaluation_episodes=episodes))
     evaluator = Evaluator(config, Streams(seed))
-    return evaluator.evaluate(trained.as_in_training(), step=FRESH)
+    kept = summary.kept(trained.standing) if trained.standing else "policy of an unknown step"
+    return kept, evaluator.evaluate(trained.as_in_training(), step=FRESH)
 
 
-def summary(returns: Sequence[float]) -> str:
+def statistics(returns: Sequence[float]) -> str:
     """Mean, standard deviation over episodes (n - 1) and the t interval of the mean; one episode has a mean only."""
     import numpy as np
     from scipy import stats
@@ -130,24 +132,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def evaluate(run: Path, path: Path, options: argparse.Namespace) -> None:
     """Play, show, and write the table where one is asked for."""
-    results = play(path, options.episodes, options.seed)
-    show(run, results, options.seed)
+    kept, results = play(path, options.episodes, options.seed)
+    show(run, kept, results, options.seed)
     if options.csv:
         with options.csv.open("w", newline="") as file:
             writer = csv.writer(file, lineterminator="\n")
             writer.writerows([("episode", "return", "length"), *((i, r, n) for i, (r, n) in enumerate(results))])
 
 
-def show(run: Path, results: Sequence[tuple[float, int]], seed: int) -> None:
-    """The episodes as a table, and their summary."""
+def show(run: Path, kept: str, results: Sequence[tuple[float, int]], seed: int) -> None:
+    """The episodes as a table, and their statistics."""
     from rich.console import Console
     from rich.table import Table
 
-    table = Table("episode", "return", "length", title=shown_path(run))
+    table = Table("episode", "return", "length", title=shown_path(run), title_justify="left")
     for episode, (episode_return, length) in enumerate(results):
         table.add_row(str(episode), f"{episode_return:.1f}", str(length))
     Console().print(table)
-    print(f"{summary([episode_return for episode_return, _ in results])}, seed {seed}")
+    print(kept)
+    print(f"{statistics([episode_return for episode_return, _ in results])}, seed {seed}")
 
 
 def count(run: Path, path: Path) -> None:

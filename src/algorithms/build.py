@@ -43,7 +43,7 @@ def build_learner(
         streams: the run's random streams.
 
     Raises:
-        ConfigurationError: ``backend=fast`` where the engine does not serve; see also :func:`build_actor`.
+        ConfigurationError: ``backend=fast`` where the engine does not support the actor; see also :func:`build_actor`.
     """
     algo = config.algo
     actor = build_actor(config, observation_size, action_size, streams).to(config.device)
@@ -79,20 +79,20 @@ def acting(config: ExperimentConfig, actor: Actor) -> Callable[[Tensor, torch.Ge
 
 
 def engine_for(config: ExperimentConfig, actor: Actor) -> Backend:
-    """The backend that ``config.backend`` asks for: plain, fast, or (auto) fast where it serves algorithm and actor.
+    """The backend that ``config.backend`` asks for: plain, fast, or (auto) fast where it supports algorithm and actor.
 
     Raises:
-        ConfigurationError: fast is asked for and does not serve.
+        ConfigurationError: fast is asked for and not supported.
     """
     if config.backend == "plain":
         return PLAIN
     from src.engine import fast  # the plain path needs nothing of it
 
-    served, unsupported_reason = f"algo {config.algo.name}", fast.unsupported_algorithm(config.algo)
-    if unsupported_reason is None:
-        served, unsupported_reason = f"actor {config.actor.name}", fast.unsupported_reason(actor, config.device)
-    if unsupported_reason is None:
+    asked, reason = f"algo {config.algo.name}", fast.unsupported_algorithm(config.algo)
+    if reason is None:
+        asked, reason = f"actor {config.actor.name}", fast.unsupported_reason(actor, config.device)
+    if reason is None:
         return Backend(fast.TD3, fast.SAC)
     if config.backend == "fast":
-        raise ConfigurationError(f"backend: fast does not serve {served} ({unsupported_reason}); use auto or plain.")
+        raise ConfigurationError(f"backend: fast does not support {asked} ({reason}); use auto or plain.")
     return PLAIN

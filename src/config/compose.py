@@ -84,12 +84,12 @@ def _origin(composed: DictConfig) -> tuple[str, tuple[str, ...]]:
         hydra = HydraConfig.get()
     if hydra is None:
         return "config", ()
-    places = [each for each in hydra.overrides.hydra if each.lstrip("+").startswith("hydra.searchpath=")]
-    return hydra.job.config_name or "config", tuple(places)
+    searchpath = [each for each in hydra.overrides.hydra if each.lstrip("+").startswith("hydra.searchpath=")]
+    return hydra.job.config_name or "config", tuple(searchpath)
 
 
 @cache
-def _bare_option(group: str, name: str, config_name: str, places: tuple[str, ...]) -> Any:
+def _bare_option(group: str, name: str, config_name: str, searchpath: tuple[str, ...]) -> Any:
     """The option as Hydra composes it when nothing else is asked for; without a group, the whole configuration.
 
     Raises:
@@ -98,7 +98,7 @@ def _bare_option(group: str, name: str, config_name: str, places: tuple[str, ...
     loader: ConfigLoader = GlobalHydra.instance().config_loader()
     try:
         whole = loader.load_configuration(
-            config_name, [*places, *([f"{group}={name}"] if group else [])], RunMode.RUN, from_shell=False
+            config_name, [*searchpath, *([f"{group}={name}"] if group else [])], RunMode.RUN, from_shell=False
         )
     except HydraException:
         raise ConfigurationError(

@@ -258,4 +258,4 @@ class ExperimentConfig:
     sweeps: None = None
     keep_best: bool = True  # besides the final policy that of the best evaluation
     blas: Literal["auto", "mkl", "openblas"] = "auto"  # the library of the matrix products (src/engine/blas.py)
-    backend: Literal["auto", "fast", "plain"] = "auto"  # updates by src/engine or plain; auto: fast where it serves
+    backend: Literal["auto", "fast", "plain"] = "auto"  # updates by src/engine or plain; auto: fast where it can

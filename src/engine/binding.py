@@ -23,10 +23,10 @@ from src.engine.spiking import BoundSpikingActor
 
 
 def unsupported_reason(actor: Actor, device: str = "cpu") -> str | None:
-    """Why the engine does not serve an actor; None where it does.
+    """Why the engine does not support an actor; None where it does.
 
-    It serves exactly the AAN and the spiking actor (a subclass may compute something else), in float32 on the CPU, all
-    of whose parameters are plain and learn.
+    It supports exactly the AAN and the spiking actor (a subclass may compute something else), in float32 on the CPU,
+    all of whose parameters are plain and learn.
     """
     if type(actor) not in (MLPActor, SpikingActor):
         return f"it knows the AAN and the spiking actors of this project, not {type(actor).__name__}"
@@ -47,7 +47,7 @@ def unsupported_reason(actor: Actor, device: str = "cpu") -> str | None:
 
 
 def unsupported_algorithm(algo: AlgoConfig) -> str | None:
-    """Why the engine does not serve an algorithm, whatever the actor; None where it does."""
+    """Why the engine does not support an algorithm, whatever the actor; None where it does."""
     return "it computes TD3 and SAC, no proxy target" if isinstance(algo, TD3ProxyConfig) else None
 
 

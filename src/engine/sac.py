@@ -27,7 +27,7 @@ HeadsVJP = Callable[[Tensor, Tensor], None]
 
 
 class FastSAC(sac.SAC):
-    """SAC for an actor that the engine serves; arguments as of :class:`src.algorithms.sac.SAC`."""
+    """SAC for an actor that the engine supports; arguments as of :class:`src.algorithms.sac.SAC`."""
 
     backend = "fast"
 

@@ -69,10 +69,10 @@ def _sample(  # type: ignore[no-untyped-def]
         for j in range(size):
             n, own = noise[b, j], log_std[b, j]
             own = low if own < low else (high if own > high else own)  # NaN propagates
-            spread = np.exp(own) * n
-            u = mean[b, j] + spread
+            scaled_noise = np.exp(own) * n
+            u = mean[b, j] + scaled_noise
             squashed = np.tanh(u)
-            saved[0, b, j], saved[1, b, j] = squashed, spread
+            saved[0, b, j], saved[1, b, j] = squashed, scaled_noise
             action[b, j] = squashed * limit
             softplus = max(-TWO * u, ZERO) + np.log1p(np.exp(-abs(TWO * u)))
             total += -HALF * n * n - own - HALF_LOG_2PI - TWO * (LOG_2 - u - softplus)
@@ -91,8 +91,8 @@ def _gradient(  # type: ignore[no-untyped-def]
     saved = floats(saved, (2, samples, size))
     for b in range(samples):
         for j in range(size):
-            t, spread = saved[0, b, j], saved[1, b, j]
+            t, scaled_noise = saved[0, b, j], saved[1, b, j]
             g = grad_action[b, j] * limit * (ONE - t * t) + grad_log_probability[b] * TWO * t
             grad_mean[b, j] = g
             inside = low <= log_std[b, j] <= high
-            grad_log_std[b, j] = g * spread - grad_log_probability[b] if inside else ZERO
+            grad_log_std[b, j] = g * scaled_noise - grad_log_probability[b] if inside else ZERO

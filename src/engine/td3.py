@@ -21,7 +21,7 @@ from src.engine.mlp import BoundMLP
 
 
 class FastTD3(td3.TD3):
-    """TD3 for an actor that the engine serves; arguments as of :class:`src.algorithms.td3.TD3`."""
+    """TD3 for an actor that the engine supports; arguments as of :class:`src.algorithms.td3.TD3`."""
 
     backend = "fast"
 

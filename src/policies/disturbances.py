@@ -72,13 +72,13 @@ def noisy(generator: np.random.Generator, severity: float) -> Callable[[np.ndarr
     return lambda observation: observation + severity * generator.standard_normal(len(observation))
 
 
-def replaced(generator: np.random.Generator, places: list[int], severity: float) -> Callable[[np.ndarray], np.ndarray]:
-    """One of the places, drawn once for the episode, is N(0, severity) at every step."""
-    place = places[int(generator.integers(len(places)))]
+def replaced(generator: np.random.Generator, indices: list[int], severity: float) -> Callable[[np.ndarray], np.ndarray]:
+    """One of the dimensions ``indices``, drawn once for the episode, is N(0, severity) at every step."""
+    index = indices[int(generator.integers(len(indices)))]
 
     def disturb(observation: np.ndarray) -> np.ndarray:
         observation = observation.copy()
-        observation[place] = severity * generator.standard_normal()
+        observation[index] = severity * generator.standard_normal()
         return observation
 
     return disturb

@@ -117,8 +117,8 @@ def _disturb(trained: TrainedPolicy, condition: Condition, streams: Streams) -> 
         return _wrapper(draws, kind, lambda generator: disturbances.noisy(generator, severity))
     if kind in ("joint position", "joint velocity"):
         joints = _joints(trained)
-        places = joints.positions if kind == "joint position" else joints.velocities
-        return _wrapper(draws, kind, lambda generator: disturbances.replaced(generator, places, severity))
+        indices = joints.positions if kind == "joint position" else joints.velocities
+        return _wrapper(draws, kind, lambda generator: disturbances.replaced(generator, indices, severity))
     if kind == "weight noise":
         disturbances.add_weight_noise(actor, draws, severity)
     elif kind == "zeroed synapses":

@@ -319,7 +319,7 @@ def test_an_actor_of_ones_own_learns(algo: str) -> None:
 
 
 def test_the_fast_backend_is_refused_in_one_sentence_where_it_does_not_serve() -> None:
-    with pytest.raises(ConfigurationError, match=r"backend: fast does not serve actor own .*; use auto or plain"):
+    with pytest.raises(ConfigurationError, match=r"backend: fast does not support actor own .*; use auto or plain"):
         own_actor("td3", "fast")
 
 

@@ -114,5 +114,5 @@ def test_actor_and_critics_begin_as_td3s() -> None:
 def test_the_engine_does_not_serve_it_and_says_so() -> None:
     config = make_config(SMALL | SIZES, algo="td3_proxy", actor="popsan")
     assert build_learner(config, N, M, 1.0, Streams(SEED)).backend == "plain"  # auto
-    with pytest.raises(ConfigurationError, match=r"fast does not serve algo td3_proxy .*no proxy target"):
+    with pytest.raises(ConfigurationError, match=r"fast does not support algo td3_proxy .*no proxy target"):
         build_learner(replace(config, backend="fast"), N, M, 1.0, Streams(SEED))

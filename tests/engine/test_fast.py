@@ -1,4 +1,4 @@
-"""Whom the engine serves: one that it must not serve would learn something else than its code says."""
+"""Which actors the engine supports: one that it must not take would learn something else than its code says."""
 
 from __future__ import annotations
 

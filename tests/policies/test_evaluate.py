@@ -17,13 +17,13 @@ from src.policies.find import BEST, policy_path
 def test_the_summary_is_mean_deviation_and_t_interval() -> None:
     returns = [10.0, 12.0, 17.0, 9.0]
     low, high = stats.t.interval(0.95, 3, np.mean(returns), stats.sem(returns))
-    text = evaluate.summary(returns)
+    text = evaluate.statistics(returns)
     assert "mean return 12.0 over 4 episodes" in text and f"standard deviation {np.std(returns, ddof=1):.1f}" in text
     assert f"95% t interval of the mean {low:.1f} to {high:.1f}" in text
 
 
 def test_one_episode_has_a_mean_only() -> None:
-    assert evaluate.summary([3.0]) == "mean return 3.0 over 1 episode"
+    assert evaluate.statistics([3.0]) == "mean return 3.0 over 1 episode"
 
 
 def test_best_is_another_file_and_never_the_final_one_in_silence(tmp_path: Path) -> None:

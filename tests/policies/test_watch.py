@@ -27,7 +27,9 @@ def played(path: Path, decisions: int = 5) -> Episode:
 
 def test_the_episode_is_the_one_that_evaluate_plays(tiny_run: Path) -> None:
     episode = played(tiny_run / "policy.pt")
-    assert evaluate.play(tiny_run / "policy.pt", episodes=1, seed=3) == [(episode.episode_return, len(episode.rewards))]
+    assert evaluate.play(tiny_run / "policy.pt", episodes=1, seed=3)[1] == [
+        (episode.episode_return, len(episode.rewards))
+    ]
 
 
 def test_what_is_shown_are_spikes_of_every_time_step_and_rates_of_every_decision(tiny_run: Path) -> None:
