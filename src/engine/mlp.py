@@ -45,6 +45,7 @@ class BoundMLP(NotCopyable):
         pairs = [pair for network in networks for pair in zip(network.weights, network.biases)]
         self.ensemble = len(pairs[0][0])
         self.final_relu = final_relu
+        self._sgemm = blas.sgemm_address()
         self._outputs = [weight.shape[2] for weight, _ in pairs]
         self._layers = np.zeros(len(pairs), MLP_LAYER)
         for record, (weight, bias) in zip(self._layers, pairs):
@@ -68,7 +69,7 @@ class BoundMLP(NotCopyable):
         hidden = np.zeros(len(self._layers) + 1, np.int64)
         hidden[0] = x.data_ptr()
         hidden[-len(outputs) :] = [y.data_ptr() for y in outputs]
-        mlp_kernels.forward(blas.sgemm_address(), self.ensemble, len(x), self._layers, hidden, self.final_relu)
+        mlp_kernels.forward(self._sgemm, self.ensemble, len(x), self._layers, hidden, self.final_relu)
         return [x, *outputs]
 
     def vjp(self, saved: Saved, grad_outputs: Tensor, with_input: bool = False) -> Tensor | None:
@@ -81,7 +82,7 @@ class BoundMLP(NotCopyable):
         hidden = np.array([h.data_ptr() for h in saved.hidden], np.int64)
         columns = (0 if grad_input is None else grad_input.data_ptr(), 0, x.shape[1])
         arguments = (self._layers, hidden, grad_outputs.data_ptr(), self.final_relu, 1, *columns)
-        mlp_kernels.backward(blas.sgemm_address(), self.ensemble, len(x), *arguments)
+        mlp_kernels.backward(self._sgemm, self.ensemble, len(x), *arguments)
         return grad_input
 
     def squared_error_step(self, x: Tensor, target: Tensor) -> tuple[Tensor, Tensor]:
@@ -96,7 +97,7 @@ class BoundMLP(NotCopyable):
             )
         outputs, loss = x.new_empty(self.ensemble, len(x)), x.new_empty(1)
         addresses = (x.data_ptr(), target.data_ptr(), outputs.data_ptr(), loss.data_ptr())
-        mlp_kernels.squared_error_step(blas.sgemm_address(), self.ensemble, len(x), self._layers, *addresses)
+        mlp_kernels.squared_error_step(self._sgemm, self.ensemble, len(x), self._layers, *addresses)
         return outputs, loss[0]
 
     def minimum_input_gradient(self, x: Tensor, first: int, scale: float, members: int) -> tuple[Tensor, Tensor]:
@@ -107,7 +108,7 @@ class BoundMLP(NotCopyable):
         x = self._checked(x)
         outputs, gradient = x.new_empty(members, len(x)), x.new_empty(len(x), x.shape[1] - first)
         addresses = (x.data_ptr(), scale, outputs.data_ptr(), gradient.data_ptr(), first, x.shape[1])
-        mlp_kernels.minimum_input_gradient(blas.sgemm_address(), members, len(x), self._layers, *addresses)
+        mlp_kernels.minimum_input_gradient(self._sgemm, members, len(x), self._layers, *addresses)
         return outputs, gradient
 
     def _checked(self, x: Tensor) -> Tensor:

@@ -39,6 +39,7 @@ class BoundSpikingActor(NotCopyable):
 
     def __init__(self, actor: SpikingActor, grads: Mapping[nn.Parameter, Tensor] | None = None) -> None:
         self._actor, self._grads = actor, grads
+        self._sgemm = blas.sgemm_address()
         self._spiking_layers = actor.spiking_layers()
         self._shared_lateral: list[tuple[Tensor, Tensor, Tensor]] = []  # weight [K], its rows and their gradient [K, n]
         self._layers = self._layer_records()
@@ -160,7 +161,6 @@ class BoundSpikingActor(NotCopyable):
                 coding.poisson_spikes(steps, count, source, draw_key(generator), target)
             else:
                 coding.deterministic_spikes(steps, count, source, np.float32(encoder.threshold), target)
-        workspace.passes["sgemm"] = blas.sgemm_address()
         spiking_kernels.network_forward(workspace.passes, layers, workspace.traces, self._constants, self._offsets)
         return workspace
 
@@ -171,7 +171,7 @@ class BoundSpikingActor(NotCopyable):
         if workspace is None:
             if len(self._workspaces) >= WORKSPACES:
                 del self._workspaces[next(iter(self._workspaces))]
-            workspace = Workspace(self._actor, layers, groups, samples, for_gradient)
+            workspace = Workspace(self._actor, layers, groups, samples, for_gradient, self._sgemm)
         self._workspaces[key] = workspace
         return workspace
 
@@ -199,7 +199,6 @@ class BoundSpikingActor(NotCopyable):
         torch.sum(grad_raw.unsqueeze(-1) * workspace.rates[-samples:], 0, out=grads[decoder.weight])
         torch.sum(grad_raw, 0, out=grads[decoder.bias])
         gradients = workspace.gradients
-        gradients["sgemm"] = blas.sgemm_address()
         gradients["grad_raw"], gradients["decoder"] = grad_raw.data_ptr(), decoder.weight.data_ptr()
         gradients["grad_strength"] = workspace.grad_strength.data_ptr() if learns else 0
         spiking_kernels.network_backward(
@@ -224,9 +223,12 @@ class Workspace:
         groups: G.
         samples: B.
         for_gradient: whether a gradient of the last minibatch may follow.
+        sgemm: the address of the product.
     """
 
-    def __init__(self, actor: SpikingActor, layers: np.ndarray, groups: int, samples: int, for_gradient: bool) -> None:
+    def __init__(
+        self, actor: SpikingActor, layers: np.ndarray, groups: int, samples: int, for_gradient: bool, sgemm: int
+    ) -> None:
         encoder, decoder = actor.encoder, actor.decoder
         steps = encoder.time_steps
         self.groups, self.samples, self.steps = groups, samples, steps
@@ -241,10 +243,10 @@ class Workspace:
         self.traces = (offsets + self._block.data_ptr()).view(SPIKING_TRACE).ravel()
         self.last_traces = self.traces.copy()
         self.last_traces["spikes"] += (groups - 1) * steps * samples * layers["neurons"] * FLOAT
-        run = (0, groups, steps, samples, int(for_gradient), self.spikes.data_ptr(), self.rates.data_ptr())
+        run = (sgemm, groups, steps, samples, int(for_gradient), self.spikes.data_ptr(), self.rates.data_ptr())
         self.passes = np.array([run], SPIKING_PASS)
         self.gradients = np.zeros(1, SPIKING_GRADIENT)
-        self.gradients["steps"], self.gradients["samples"] = steps, samples
+        self.gradients["sgemm"], self.gradients["steps"], self.gradients["samples"] = sgemm, steps, samples
         self.gradients["actions"], self.gradients["input_spikes"] = len(decoder.weight), self.spikes[-1].data_ptr()
 
     def last_layers(self) -> list[tuple[Tensor, Tensor]]:

@@ -29,22 +29,22 @@ def set_numerics(threads: int) -> None:
         mallopt(_TRIM_THRESHOLD, 1 << 30)
 
 
-def select_blas(config: ExperimentConfig, run: RunDirectory, progress: Progress, backend: str) -> None:
-    """Choose the library of the matrix products, record it, and note where a resume finds another one.
-
-    On the plain backend the products are PyTorch's own.
+def select_blas(config: ExperimentConfig, run: RunDirectory) -> None:
+    """Choose the library of the matrix products; before the learner is built, whose kernels are bound to it.
 
     Raises:
         ConfigurationError: the library that the configuration asks for is not here.
     """
+    try:
+        blas.select(config.blas, run.manifest.blas.get("library"))
+    except blas.BLASUnavailableError as error:
+        raise ConfigurationError(str(error)) from None
+
+
+def record_blas(run: RunDirectory, progress: Progress, backend: str) -> None:
+    """Record the library, and note where a resume finds another one; on the plain backend products are PyTorch's."""
+    library = blas.Library("torch", torch.__version__, None) if backend == "plain" else blas.library()
     recorded = run.manifest.blas
-    if backend == "plain":
-        library = blas.Library("torch", torch.__version__, None)
-    else:
-        try:
-            library = blas.select(config.blas, recorded.get("library"))
-        except blas.BLASUnavailableError as error:
-            raise ConfigurationError(str(error)) from None
     found = {"library": library.name, "version": library.version, "architecture": library.architecture}
     notes = list(run.manifest.notes)
     if recorded and recorded != found:

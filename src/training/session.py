@@ -27,7 +27,7 @@ from src.training.environment import TrainingEnvironment
 from src.training.evaluation import Evaluator
 from src.training.loggers import Logger, open_logger
 from src.training.normalization import Normalizer
-from src.training.numerics import select_blas, set_numerics
+from src.training.numerics import record_blas, select_blas, set_numerics
 from src.training.policy_file import BEST_POLICY_FILE, POLICY_FILE, Standing, save_policy
 from src.training.replay import make_replay, sample_minibatches
 from src.training.resume import check_logs, newest_checkpoint
@@ -50,8 +50,10 @@ def train(
     set_numerics(config.threads)
     if config.device.startswith("cuda") and not torch.cuda.is_available():
         raise ConfigurationError(f"device: {config.device} is asked for and PyTorch finds no CUDA GPU; use cpu.")
+    if config.backend != "plain":
+        select_blas(config, run)
     session = TrainingSession(config, run, progress)
-    select_blas(config, run, progress, session.learner.backend)
+    record_blas(run, progress, session.learner.backend)
     return session.loop(stop_requested)
 
 

@@ -16,7 +16,7 @@ from src.config.identity import Run
 from src.experiment.ownership import acquire
 from src.experiment.state import Outcome
 from src.training.checkpoint import CheckpointFolder, CorruptCheckpoint, read_archive
-from src.training.numerics import select_blas, set_numerics
+from src.training.numerics import record_blas, set_numerics
 from src.training.session import TrainingSession
 from tests.helpers import Silent, tiny
 
@@ -102,12 +102,12 @@ def test_the_best_policy_is_kept_only_where_it_is_asked_for(tmp_path: Path) -> N
 def test_a_resume_on_another_blas_is_noted_and_one_on_the_same_is_not(tmp_path: Path) -> None:
     config, progress = tiny(tmp_path, actor="aan"), Silent()
     with acquire(Run(config)) as (directory, _):
-        select_blas(config, directory, progress, "fast")
-        select_blas(config, directory, progress, "fast")
+        record_blas(directory, progress, "fast")
+        record_blas(directory, progress, "fast")
         recorded = directory.manifest.blas
         assert directory.manifest.notes == [] and set(recorded) == {"library", "version", "architecture"}
         directory.update_manifest(blas=recorded | {"version": "0.1", "architecture": "Z80"})
-        select_blas(config, directory, progress, "fast")
+        record_blas(directory, progress, "fast")
         (note,) = directory.manifest.notes
         assert "another BLAS" in note and "Z80" in note and note in progress.notes
         assert directory.manifest.blas == recorded
