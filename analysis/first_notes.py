@@ -48,6 +48,8 @@ def _learning_rates(study: Study, here: list[Cell], results: list[ClaimResult]) 
     name = algorithm_name(here[0].algo)
     if not rates:
         return ""
+    if sum(map(len, rates.values())) < 2:
+        return ""
     if len(rates) == 1:
         return f"{name}: all actors learn at one rate, {next(iter(rates)):g}."
     fewest = sorted(rates, key=lambda rate: len(rates[rate]))

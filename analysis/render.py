@@ -15,9 +15,11 @@ from markupsafe import Markup, escape
 
 from analysis.data.errors import InputError
 from analysis.data.writing import replaced_folder, write_text
+from analysis.policies import policies_section
 
 SECTIONS = (
     ("figures", "Figures"),
+    ("policies", "Policies"),
     ("statistics", "Statistics"),
     ("health", "Cost and spiking health"),
     ("provenance", "Provenance"),
@@ -36,6 +38,7 @@ def render(folder: Path) -> Path:
     tables = _read(folder, "statistics", "tables.json")
     figures = _read(folder, "figures", "figures.json")
     about = _read(folder, "collected", "study.json")
+    policies = policies_section(folder)
     script = (TEMPLATES / "report.js").read_text(encoding="utf-8")
     content = {
         "study": about["study"],
@@ -43,7 +46,8 @@ def render(folder: Path) -> Path:
         "figures": [_inlined(figure, folder / "figures") for figure in figures],
         "notes": tables["notes"],
         "overview": tables["overview"],
-        "sections": SECTIONS,
+        "policies": policies,
+        "sections": [section for section in SECTIONS if section[0] != "policies" or policies],
         "marks": {verdict: look["mark"] for verdict, look in tables["overview"]["verdicts"].items()},
         "tones": {verdict: look["tone"] for verdict, look in tables["overview"]["verdicts"].items()},
         "style": Markup((TEMPLATES / "report.css").read_text(encoding="utf-8")),

@@ -13,6 +13,7 @@ import pandas as pd
 from analysis.data.errors import InputError
 from analysis.data.folders import check_study
 from analysis.data.mixed import Refused
+from analysis.data.policies import save_policies
 from analysis.data.study import KEYS, Study, read_study
 from analysis.data.writing import read_csv, replaced_folder, write_csv, write_json
 
@@ -25,6 +26,7 @@ def collect(folder: Path) -> Study:
     """Read the run directories of a study and write its ``collected/``."""
     study = read_study(folder)
     with replaced_folder(folder / "collected") as out:
+        study.warnings += save_policies(study.runs, folder, out)
         write_csv(out / "runs.csv", study.runs)
         write_csv(out / "evaluations.csv", study.evaluations)
         write_csv(out / "training.csv", _six_digits(study.training))

@@ -31,7 +31,9 @@ def draw(view: View) -> list[Drawing]:
     if len(drawn) > MOST_ROWS:
         drawn = [row for row in drawn if row.pooled]
     if not drawn:
-        return [Drawing(name, title, caption, missing="No claim has finished runs of all its actors on any task.")]
+        return [
+            Drawing(name, title, caption, "answer", missing="No claim has finished runs of all its actors on any task.")
+        ]
     figure, (axis,) = panels(view.style, 1, width=6.4, height=0.45 + 0.19 * len(drawn))
     low, high = limits(rows, band)
     axis.axvspan(-band, band, color="#e4e4de", linewidth=0)

@@ -49,7 +49,7 @@ def rates_table(cells: list[Cell], claims: Claims) -> Table:
     ]
     caption = (
         f"Runs whose final performance is below {claims.failure_score:g} normalised points (0: a random policy, 100: "
-        "the AAN reference; `failure_score` of the claims file). Clopper and Pearson's exact interval."
+        "the AAN reference; failure_score of the claims file). Clopper and Pearson's exact interval."
     )
     frame = pd.DataFrame(rows) if rows else pd.DataFrame(columns=[key for key, _, _ in columns])
     empty = "No finished run on a task with a reference score."
