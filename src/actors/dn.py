@@ -9,19 +9,18 @@ For tau = 1..T, all states 0 before tau = 1 at every decision; o is the spike of
     o <- 1 if v > v_th else 0
 
 ``Intra`` is the lateral interaction of :mod:`src.actors.lateral`, beside the current as in the LIF neuron; MDC-SAN has
-none. The surrogate gradient is the LIF neuron's (:class:`src.actors.lif.Fire`).
+none. The surrogate gradient is the LIF neuron's (:class:`src.actors.lif.SpikeSurrogate`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
-from src.actors.lif import Fire, lateral_terms
-from src.actors.steps import run_steps
+from src.actors.lif import SpikeSurrogate, lateral_terms
 
 
 class DNConstants(NamedTuple):
@@ -46,6 +45,12 @@ class DNState(NamedTuple):
     recovery: Tensor  # u
     spikes: Tensor  # o
 
+    @classmethod
+    def rest(cls, x: Tensor) -> DNState:
+        """Before the first step, for input currents like ``x``."""
+        zeros = torch.zeros_like(x)
+        return cls(zeros, zeros, zeros, zeros)
+
 
 def dn_step(
     x: Tensor, state: DNState, lateral: Tensor | None, offsets: Sequence[int], constants: DNConstants
@@ -62,18 +67,5 @@ def dn_step(
             drive = drive + term
     potential = v + (v.square() - v - u + drive)
     recovery = u + (constants.theta_v * v - constants.theta_u * u)
-    spikes: Tensor = Fire.apply(potential, constants.threshold, constants.window)  # type: ignore[no-untyped-call]
+    spikes: Tensor = SpikeSurrogate.apply(potential, constants.threshold, constants.window)  # type: ignore[no-untyped-call]
     return DNState(current, potential, recovery, spikes)
-
-
-def dn_layer(
-    x: Tensor,
-    lateral: Tensor | None,
-    offsets: Sequence[int],
-    constants: DNConstants,
-    feedback: Callable[[Tensor], Tensor] | None = None,
-) -> tuple[Tensor, Tensor]:
-    """All T steps of a layer; arguments and result as of :func:`src.actors.lif.lif_layer`."""
-    zeros = torch.zeros_like(x[0])
-    rest = DNState(zeros, zeros, zeros, zeros)
-    return run_steps(x, rest, lambda x_tau, state: dn_step(x_tau, state, lateral, offsets, constants), feedback)

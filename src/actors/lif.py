@@ -11,14 +11,12 @@ Surrogate gradient: ``do/dv = 1 where |v - v_th| < w`` (strict), else 0.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
 from torch.nn import functional as F
-
-from src.actors.steps import run_steps
 
 
 class LIFConstants(NamedTuple):
@@ -39,8 +37,14 @@ class LIFState(NamedTuple):
     potential: Tensor  # v, the membrane potential before the reset
     spikes: Tensor  # o
 
+    @classmethod
+    def rest(cls, x: Tensor) -> LIFState:
+        """Before the first step, for input currents like ``x``."""
+        zeros = torch.zeros_like(x)
+        return cls(zeros, zeros, zeros)
 
-class Fire(torch.autograd.Function):
+
+class SpikeSurrogate(torch.autograd.Function):
     """``o = 1 if v > v_th else 0`` with the rectangular surrogate gradient."""
 
     @staticmethod
@@ -92,29 +96,5 @@ def lif_step(
         neighbours = state.spikes if constants.lateral_gradient else state.spikes.detach()
         for term in lateral_terms(neighbours, lateral, offsets):
             potential = potential + term
-    spikes: Tensor = Fire.apply(potential, constants.threshold, constants.window)  # type: ignore[no-untyped-call]
+    spikes: Tensor = SpikeSurrogate.apply(potential, constants.threshold, constants.window)  # type: ignore[no-untyped-call]
     return LIFState(current, potential, spikes)
-
-
-def lif_layer(
-    x: Tensor,
-    lateral: Tensor | None,
-    offsets: Sequence[int],
-    constants: LIFConstants,
-    feedback: Callable[[Tensor], Tensor] | None = None,
-) -> tuple[Tensor, Tensor]:
-    """All T steps of a layer.
-
-    Args:
-        x: input currents, ``[T, B, n]``.
-        lateral: ``w'``, ``[K, n]``, or None.
-        offsets: index distance of each of the K neighbours.
-        constants: of the neurons.
-        feedback: what the layer's own spikes add to the input of the next step (:mod:`src.actors.output_lateral`).
-
-    Returns:
-        Spikes and membrane potentials (before the reset), ``[T, B, n]`` each.
-    """
-    zeros = torch.zeros_like(x[0])
-    rest = LIFState(zeros, zeros, zeros)
-    return run_steps(x, rest, lambda x_tau, state: lif_step(x_tau, state, lateral, offsets, constants), feedback)

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from functools import partial
+from typing import Any, TypeVar
 
 import numpy as np
+import torch
 from torch import Tensor, nn
 
-from src.actors.dn import DNConstants, dn_layer
+from src.actors.dn import DNConstants, DNState, dn_step
 from src.actors.initialisation import Initialiser
 from src.actors.lateral import LateralInteraction
-from src.actors.lif import LIFConstants, lif_layer
+from src.actors.lif import LIFConstants, LIFState, lif_step
 from src.actors.output_lateral import OutputLateral
 from src.actors.synapse import Synapse
 from src.config import DendriticConfig, LateralConfig
+
+State = TypeVar("State", LIFState, DNState)
 
 
 class SpikingLayer(nn.Module):
@@ -44,7 +48,6 @@ class SpikingLayer(nn.Module):
     ) -> None:
         super().__init__()
         self.constants = constants
-        self.neurons: Callable[..., Any] = dn_layer if isinstance(constants, DNConstants) else lif_layer
         self.synapse = Synapse(dendritic, inputs, neurons, initialiser.at("synapse"), partition_seed)
         self.lateral = LateralInteraction(lateral, neurons, initialiser.at("lateral")) if lateral.radius else None
         self.output_lateral = output_lateral
@@ -54,5 +57,32 @@ class SpikingLayer(nn.Module):
         x = self.synapse(spikes)
         feedback = None if self.output_lateral is None else self.output_lateral.feedback()
         lateral, offsets = (None, ()) if self.lateral is None else (self.lateral(), self.lateral.offsets)
-        spikes_and_potentials: tuple[Tensor, Tensor] = self.neurons(x, lateral, offsets, self.constants, feedback)
-        return spikes_and_potentials
+        arguments: dict[str, Any] = {"lateral": lateral, "offsets": offsets, "constants": self.constants}
+        if isinstance(self.constants, DNConstants):
+            return unroll(x, DNState.rest(x[0]), partial(dn_step, **arguments), feedback)
+        return unroll(x, LIFState.rest(x[0]), partial(lif_step, **arguments), feedback)
+
+
+def unroll(
+    x: Tensor, rest: State, step: Callable[[Tensor, State], State], feedback: Callable[[Tensor], Tensor] | None = None
+) -> tuple[Tensor, Tensor]:
+    """All T steps of a layer's neurons, the step before feeding the next.
+
+    Args:
+        x: input currents, ``[T, B, n]``.
+        rest: the neurons' state before the first step.
+        step: from ``x_tau`` and the state before it to the state after it.
+        feedback: from the layer's own spikes of the step before to what they add to ``x_tau``, ``[B, n] -> [B, n]``.
+
+    Returns:
+        Spikes and membrane potentials (before the reset), ``[T, B, n]`` each.
+    """
+    state = rest
+    spikes, potentials = [], []
+    for x_tau in x:
+        if feedback is not None:
+            x_tau = x_tau + feedback(state.spikes)
+        state = step(x_tau, state)
+        spikes.append(state.spikes)
+        potentials.append(state.potential)
+    return torch.stack(spikes), torch.stack(potentials)

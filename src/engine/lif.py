@@ -1,4 +1,4 @@
-"""The LIF layer's T steps and their gradient by hand: :func:`src.actors.lif.lif_layer`, sample after sample.
+"""The LIF layer's T steps and their gradient by hand: :mod:`src.actors.lif`, sample after sample.
 
 One sample after the other runs through all T steps, so that its state (a few rows of n numbers) stays in the cache.
 ``constants`` is a record of :data:`src.engine.records.NEURON_CONSTANTS`.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 import torch
@@ -9,9 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from src.actors.lateral import neighbour_offsets
-from src.actors.lif import Fire, LIFConstants, lif_layer
+from src.actors.lif import LIFConstants, LIFState, SpikeSurrogate, lif_step
+from src.actors.spiking_layer import unroll
 
 PAPER = LIFConstants(0.5, 0.75, 0.5, 0.5, True, True)
+
+
+def lif_layer(x, lateral, offsets, constants):
+    return unroll(x, LIFState.rest(x[0]), partial(lif_step, lateral=lateral, offsets=offsets, constants=constants))
 
 
 def loop(x, lateral, offsets, k):
@@ -83,7 +90,7 @@ def test_the_surrogate_gradient_is_that_of_the_clipped_ramp():
     v = torch.linspace(-0.43, 1.41, 40, dtype=torch.float64, requires_grad=True)
     ramp = lambda v: (v - 0.5).clamp(-0.4, 0.4)  # noqa: E731
     slope = (ramp(v + 1e-6) - ramp(v - 1e-6)).detach() / 2e-6
-    (gradient,) = torch.autograd.grad(Fire.apply(v, 0.5, 0.4).sum(), v)
+    (gradient,) = torch.autograd.grad(SpikeSurrogate.apply(v, 0.5, 0.4).sum(), v)
     torch.testing.assert_close(gradient, slope)
     assert gradient.unique().tolist() == [0, 1]
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import pytest
 import torch
 
 from src.actors.build import build_actor
-from src.actors.dn import DNConstants, dn_layer
+from src.actors.dn import DNConstants, DNState, dn_step
+from src.actors.spiking_layer import unroll
 from src.config import ConfigurationError
 from src.engine.binding import unsupported_reason
 from src.streams import Streams
@@ -71,7 +74,7 @@ def test_a_dynamic_neuron_by_hand():
     """Both increments come of the values before them; a spike resets v to theta_r and moves u by theta_s."""
     constants = DNConstants(0.5, 0.5, 0.5, True, True, -0.172, 0.529, 0.021, 0.132)
     x = torch.tensor([0.6, 0.2, 0.3], dtype=torch.float64).reshape(3, 1, 1)
-    spikes, potentials = dn_layer(x, None, (), constants)
+    spikes, potentials = unroll(x, DNState.rest(x[0]), partial(dn_step, lateral=None, offsets=(), constants=constants))
     v1, u1 = 0.6, 0.0  # fires
     v, u = 0.021, u1 + 0.132
     v2, u2 = v + v * v - v - u + 0.5, u - 0.172 * v - 0.529 * u
