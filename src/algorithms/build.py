@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from types import ModuleType
 
 import torch
 from torch import Tensor
@@ -18,16 +18,6 @@ from src.algorithms.td3 import TD3
 from src.algorithms.td3_proxy import ProxyActor, TD3Proxy
 from src.config import ConfigurationError, ExperimentConfig, TD3Config, TD3ProxyConfig
 from src.streams import Streams
-
-
-class Backend(NamedTuple):
-    """The algorithms that both have: plain PyTorch or the fast form of :mod:`src.engine`."""
-
-    td3: type[TD3]
-    sac: type[SAC]
-
-
-PLAIN = Backend(TD3, SAC)
 
 
 def build_learner(
@@ -53,46 +43,41 @@ def build_learner(
         update_noise=streams.torch("target noise" if isinstance(algo, TD3Config) else "policy noise"),
         encoder=streams.torch("encoder"),
     )
-    backend = engine_for(config, actor)
+    engine = engine_for(config, actor)
     if isinstance(algo, TD3ProxyConfig):
         proxy = ProxyActor(observation_size, action_size, algo.proxy_hidden_sizes, streams).to(config.device)
         return TD3Proxy(algo, actor, critic, proxy, action_limit, update_streams)
     if isinstance(algo, TD3Config):
-        return backend.td3(algo, actor, critic, action_limit, update_streams)
+        return (engine.TD3 if engine else TD3)(algo, actor, critic, action_limit, update_streams)
     if algo.log_std_network == "shared":
         log_std = LogStdNetwork(config.actor.hidden_sizes[-1], action_size, streams, ())  # type: ignore[union-attr]
     else:
         log_std = LogStdNetwork(observation_size, action_size, streams, algo.log_std_hidden_sizes)
-    return backend.sac(algo, actor, log_std.to(config.device), critic, action_limit, update_streams)
+    return (engine.SAC if engine else SAC)(algo, actor, log_std.to(config.device), critic, action_limit, update_streams)
 
 
 def acting(config: ExperimentConfig, actor: Actor) -> Callable[[Tensor, torch.Generator], Tensor]:
-    """The actor's output ``[B, M]`` for ``[B, N]`` without gradient, on the backend of a run of this configuration.
-
-    By the parameters as they are now: ask again after changing one.
-    """
-    if engine_for(config, actor) is PLAIN:
-        return torch.no_grad()(actor)
-    from src.engine import fast
-
-    return fast.acting(actor)
+    """The actor's output ``[B, M]`` for ``[B, N]`` without gradient, on the backend of a run of this configuration."""
+    engine = engine_for(config, actor)
+    found: Callable[[Tensor, torch.Generator], Tensor] = engine.acting(actor) if engine else torch.no_grad()(actor)
+    return found
 
 
-def engine_for(config: ExperimentConfig, actor: Actor) -> Backend:
-    """The backend that ``config.backend`` asks for: plain, fast, or (auto) fast where it supports algorithm and actor.
+def engine_for(config: ExperimentConfig, actor: Actor) -> ModuleType | None:
+    """The engine where ``config.backend`` asks for it or (auto) it supports algorithm and actor; None: plain PyTorch.
 
     Raises:
         ConfigurationError: fast is asked for and not supported.
     """
     if config.backend == "plain":
-        return PLAIN
+        return None
     from src.engine import fast  # the plain path needs nothing of it
 
     asked, reason = f"algo {config.algo.name}", fast.unsupported_algorithm(config.algo)
     if reason is None:
         asked, reason = f"actor {config.actor.name}", fast.unsupported_reason(actor, config.device)
     if reason is None:
-        return Backend(fast.TD3, fast.SAC)
+        return fast
     if config.backend == "fast":
         raise ConfigurationError(f"backend: fast does not support {asked} ({reason}); use auto or plain.")
-    return PLAIN
+    return None

@@ -2,34 +2,16 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Protocol
 
 import torch
 from torch import Tensor
 
 from src.actors.health import ActorHealth
 
-#: From the gradient to the raw action ``[B, M]`` to those of the parameters, filled.
+#: Takes the gradient w.r.t. the raw action, ``[B, M]``; writes those w.r.t. the parameters to where they are bound.
 VJP = Callable[[Tensor], None]
-
-
-class BoundActor(Protocol):
-    """The passes of one actor whose parameters stay where they are; autograd records none of it."""
-
-    def refresh(self) -> None:
-        """To be called when the parameters have changed, before :meth:`act`."""
-
-    def act(self, observation: Tensor, generator: torch.Generator | None) -> Tensor:
-        """Raw actions ``[B, M]`` for ``[B, N]`` by the parameters as they were at the last :meth:`refresh`."""
-
-    def raw(self, observation: Tensor, generator: torch.Generator | None) -> Tensor:
-        """Raw actions ``[G, B, M]`` of G minibatches ``[G, B, N]``, each with its own draw from the random stream."""
-
-    def vjp(
-        self, observation: Tensor, generator: torch.Generator | None, with_health: bool
-    ) -> tuple[Tensor, ActorHealth | None, VJP]:
-        """Raw actions ``[G, B, M]``; health and vector-Jacobian product of the last minibatch."""
 
 
 class NotCopyable:
@@ -40,3 +22,24 @@ class NotCopyable:
             f"a {type(self).__name__} holds addresses and can't be copied or pickled: build another learner and load "
             "the state of this one"
         )
+
+
+class BoundActor(NotCopyable, ABC):
+    """The passes of one actor whose parameters stay where they are; autograd records none of it."""
+
+    @abstractmethod
+    def raw(self, observation: Tensor, generator: torch.Generator | None) -> Tensor:
+        """Raw actions ``[G, B, M]`` of G minibatches ``[G, B, N]``, each with its own draw from the random stream."""
+
+    @abstractmethod
+    def vjp(
+        self, observation: Tensor, generator: torch.Generator | None, with_health: bool
+    ) -> tuple[Tensor, ActorHealth | None, VJP]:
+        """:meth:`raw`, with the health and the vector-Jacobian product of the last minibatch.
+
+        The product is to be taken before the next pass of these sizes.
+        """
+
+    def act(self, observation: Tensor, generator: torch.Generator | None) -> Tensor:
+        """Raw actions ``[B, M]`` for ``[B, N]``."""
+        return self.raw(observation.unsqueeze(0), generator)[0]

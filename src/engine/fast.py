@@ -18,11 +18,9 @@ __all__ = ["SAC", "TD3", "acting", "unsupported_algorithm", "unsupported_reason"
 
 
 def acting(actor: Actor) -> Callable[[Tensor, torch.Generator], Tensor]:
-    """The actor's output ``[B, M]`` for ``[B, N]`` as a fast learner acts, by the parameters as they are now.
+    """The actor's output ``[B, M]`` for ``[B, N]`` as a fast learner acts.
 
-    Its parameters move into a flat tensor, as a learner's do. Change one, and ask again.
+    Its parameters move into a flat tensor, as a learner's do.
     """
     FlatParameters(actor.parameters())
-    bound = bind(actor)
-    bound.refresh()
-    return bound.act
+    return bind(actor).act

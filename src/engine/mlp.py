@@ -13,7 +13,7 @@ from src.actors.health import NOTHING_SPIKES, ActorHealth
 from src.actors.mlp import EnsembleMLP
 from src.actors.mlp_actor import MLPActor
 from src.engine import blas, mlp_kernels
-from src.engine.bound import VJP, NotCopyable
+from src.engine.bound import VJP, BoundActor, NotCopyable
 from src.engine.records import MLP_LAYER
 
 
@@ -117,7 +117,7 @@ class BoundMLP(NotCopyable):
         return x.contiguous()
 
 
-class BoundMLPActor(NotCopyable):
+class BoundMLPActor(BoundActor):
     """The AAN bound to the kernels, trunk and head as one network.
 
     Args:
@@ -128,21 +128,14 @@ class BoundMLPActor(NotCopyable):
     def __init__(self, actor: MLPActor, grads: Mapping[nn.Parameter, Tensor] | None = None) -> None:
         self._network = BoundMLP((actor.hidden, actor.output), False, grads)
 
-    def refresh(self) -> None:
-        """Nothing is derived from the parameters."""
-
-    def act(self, observation: Tensor, generator: torch.Generator | None) -> Tensor:
-        """Raw actions ``[B, M]``."""
-        return self._network.forward(observation).squeeze(0)
-
     def raw(self, observation: Tensor, generator: torch.Generator | None) -> Tensor:
-        """Raw actions ``[G, B, M]`` for ``[G, B, N]``."""
+        """See :meth:`BoundActor.raw`."""
         return self._network.forward(observation.flatten(0, 1)).squeeze(0).unflatten(0, observation.shape[:2])
 
     def vjp(
         self, observation: Tensor, generator: torch.Generator | None, with_health: bool
     ) -> tuple[Tensor, ActorHealth | None, VJP]:
-        """Raw actions ``[G, B, M]``; vector-Jacobian product of the last minibatch."""
+        """See :meth:`BoundActor.vjp`."""
         saved = self._network.forward_saving(observation.flatten(0, 1))
         raw = saved.hidden[-1].squeeze(0).unflatten(0, observation.shape[:2])
         last = saved.last(observation.shape[1])

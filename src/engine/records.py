@@ -25,7 +25,7 @@ SPIKING_LAYER = np.dtype(
         "bias",  # [n], or [d, n] of the branches
         "lateral",  # [K, n]
         "branch",  # of each synapse, [n, inputs], int8
-        "branch_weights",  # [d*n, inputs], where they are computed already (acting); for d = 1 the weight; else 0
+        "branch_weights",  # for d = 1 the weight, else 0
         "grad_weight",
         "grad_bias",
         "grad_lateral",

@@ -57,7 +57,6 @@ class FastSAC(sac.SAC):
             self._mean = BoundMLP((actor.output,), False, grads)
         self._critic = BoundMLP((self.critic.networks,), False, self.flat["critic"].grads)
         self._target_critic = BoundMLP((self.target_critic.networks,), False)
-        self._actor.refresh()
 
     @torch.no_grad()
     def raw_action(self, observation: Tensor, generator: torch.Generator) -> Tensor:
@@ -115,7 +114,6 @@ class FastSAC(sac.SAC):
         log_probability, values = record.samples()
         record.add("actor_loss", sac.actor_loss(log_probability, values, c.alpha))
         record.add("log_probability", log_probability.mean(-1))
-        self._actor.refresh()
         return record.means()
 
     def _networks(self, observation: Tensor, with_health: bool) -> tuple[Tensor, Tensor, ActorHealth | None, HeadsVJP]:
@@ -145,8 +143,3 @@ class FastSAC(sac.SAC):
         health = NOTHING_SPIKES if with_health else None
         means, log_stds = (saved.hidden[-1][0].unflatten(0, observation.shape[:2]) for saved in (mean, log_std))
         return means, log_stds, health, vjp_fn
-
-    def load_state_dict(self, state: dict[str, Any]) -> None:
-        """See :meth:`src.algorithms.learner.Learner.load_state_dict`."""
-        super().load_state_dict(state)
-        self._actor.refresh()

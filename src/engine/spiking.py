@@ -16,7 +16,7 @@ from src.actors.philox import draw_key
 from src.actors.spike_coding import coding_gradient
 from src.actors.spiking_actor import SpikingActor
 from src.engine import blas, coding, spiking_kernels
-from src.engine.bound import VJP, NotCopyable
+from src.engine.bound import VJP, BoundActor
 from src.engine.jit import FLOAT, LINE
 from src.engine.records import (
     NEURON_CONSTANTS,
@@ -29,7 +29,7 @@ from src.engine.records import (
 WORKSPACES = 6  # sizes of passes whose buffers are kept: those of updates, of acting, and a few of an evaluation
 
 
-class BoundSpikingActor(NotCopyable):
+class BoundSpikingActor(BoundActor):
     """The passes of one actor whose parameters stay where they are.
 
     Args:
@@ -43,15 +43,6 @@ class BoundSpikingActor(NotCopyable):
         self._spiking_layers = actor.spiking_layers()
         self._shared_lateral: list[tuple[Tensor, Tensor, Tensor]] = []  # weight [K], its rows and their gradient [K, n]
         self._layers = self._layer_records()
-        self._kept_alive: list[Tensor] = []
-        self._acting_layers = self._layers.copy()
-        self._acting_traces = np.zeros(len(self._layers), SPIKING_TRACE)
-        for index, record in enumerate(self._layers):
-            if record["branches"] > 1:
-                buffer = torch.zeros(int(record["branches"] * record["neurons"]), int(record["inputs"]))
-                self._kept_alive.append(buffer)
-                self._acting_traces[index]["branch_weights"] = buffer.data_ptr()
-                self._acting_layers[index]["branch_weights"] = buffer.data_ptr()
         constants = self._spiking_layers[0].constants
         self._constants = np.array([tuple(constants)], NEURON_CONSTANTS)
         offsets = next((layer.lateral.offsets for layer in self._spiking_layers if layer.lateral is not None), ())
@@ -59,8 +50,7 @@ class BoundSpikingActor(NotCopyable):
         encoder = actor.encoder
         coefficients = coding_gradient(encoder.coding, encoder.time_steps, encoder.threshold)
         self._coding_gradient = np.array([coefficients], np.float32)
-        self._workspaces: dict[tuple[int, int, bool, bool], Workspace] = {}
-        self._refreshed = -1
+        self._workspaces: dict[tuple[int, int, bool], Workspace] = {}
 
     def _layer_records(self) -> np.ndarray:
         records = np.zeros(len(self._spiking_layers), SPIKING_LAYER)
@@ -89,41 +79,19 @@ class BoundSpikingActor(NotCopyable):
                 record["lateral"], record["grad_lateral"] = rows.data_ptr(), grad_rows.data_ptr()
         return records
 
-    def refresh(self) -> None:
-        """Expand the branch weights for acting; to be called when the parameters have changed."""
-        self._copy_shared_lateral()
-        self._refreshed = self._versions()
-        if self._kept_alive:
-            spiking_kernels.expand_all_branches(self._layers, self._acting_traces)
-
-    def _versions(self) -> int:
-        """Moves when a weight is changed in place by PyTorch (a loaded state, an edit), not by the engine's steps."""
-        return sum(layer.synapse.weight._version for layer in self._spiking_layers)
-
-    @torch.no_grad()
-    def act(self, observation: Tensor, generator: torch.Generator | None) -> Tensor:
-        """Raw actions ``[B, M]`` for ``[B, N]`` by the parameters as they were at the last :meth:`refresh`."""
-        if self._versions() != self._refreshed:  # somebody has changed a weight by hand
-            self.refresh()
-        workspace = self._forward(self._acting_layers, observation.unsqueeze(0), generator, for_gradient=False)
-        return self._decode(workspace)[0]
-
     @torch.no_grad()
     def raw(self, observation: Tensor, generator: torch.Generator | None) -> Tensor:
-        """Raw actions ``[G, B, M]`` of G minibatches ``[G, B, N]``, each with its own draw from the random stream."""
+        """See :meth:`BoundActor.raw`."""
         self._copy_shared_lateral()
-        return self._decode(self._forward(self._layers, observation, generator, for_gradient=False))
+        return self._decode(self._forward(observation, generator, for_gradient=False))
 
     @torch.no_grad()
     def vjp(
         self, observation: Tensor, generator: torch.Generator | None, with_health: bool
     ) -> tuple[Tensor, ActorHealth | None, VJP]:
-        """Raw actions ``[G, B, M]`` of G minibatches; health and vector-Jacobian product of the last.
-
-        The product fills the gradients of the parameters, before the next pass of these sizes.
-        """
+        """See :meth:`BoundActor.vjp`."""
         self._copy_shared_lateral()
-        workspace = self._forward(self._layers, observation, generator, for_gradient=True)
+        workspace = self._forward(observation, generator, for_gradient=True)
         health = self._health(workspace) if with_health else None
         return self._decode(workspace), health, partial(self._vjp, workspace)
 
@@ -131,9 +99,7 @@ class BoundSpikingActor(NotCopyable):
         for weight, rows, _ in self._shared_lateral:
             rows.copy_(weight.detach().unsqueeze(1))
 
-    def _forward(
-        self, layers: np.ndarray, observation: Tensor, generator: torch.Generator | None, for_gradient: bool
-    ) -> Workspace:
+    def _forward(self, observation: Tensor, generator: torch.Generator | None, for_gradient: bool) -> Workspace:
         encoder = self._actor.encoder
         groups, samples, inputs = observation.shape
         if inputs != encoder.mean.shape[0] or observation.dtype != torch.float32:
@@ -141,7 +107,7 @@ class BoundSpikingActor(NotCopyable):
                 f"observations have {inputs} columns of {observation.dtype}, the encoder takes {encoder.mean.shape[0]} "
                 "of torch.float32"
             )
-        workspace = self._workspace(layers, groups, samples, for_gradient)
+        workspace = self._workspace(groups, samples, for_gradient)
         observation = observation.contiguous()
         fields = (encoder.mean.data_ptr(), encoder.std.data_ptr())
         strength, count = workspace.strength, samples * encoder.size
@@ -161,17 +127,19 @@ class BoundSpikingActor(NotCopyable):
                 coding.poisson_spikes(steps, count, source, draw_key(generator), target)
             else:
                 coding.deterministic_spikes(steps, count, source, np.float32(encoder.threshold), target)
-        spiking_kernels.network_forward(workspace.passes, layers, workspace.traces, self._constants, self._offsets)
+        spiking_kernels.network_forward(
+            workspace.passes, self._layers, workspace.traces, self._constants, self._offsets
+        )
         return workspace
 
-    def _workspace(self, layers: np.ndarray, groups: int, samples: int, for_gradient: bool) -> Workspace:
+    def _workspace(self, groups: int, samples: int, for_gradient: bool) -> Workspace:
         """Buffers for these sizes, the last used of them kept; evaluations act for ever fewer episodes."""
-        key = (groups, samples, for_gradient, layers is self._acting_layers)  # acting has its branch weights already
+        key = (groups, samples, for_gradient)
         workspace = self._workspaces.pop(key, None)
         if workspace is None:
             if len(self._workspaces) >= WORKSPACES:
                 del self._workspaces[next(iter(self._workspaces))]
-            workspace = Workspace(self._actor, layers, groups, samples, for_gradient, self._sgemm)
+            workspace = Workspace(self._actor, self._layers, groups, samples, for_gradient, self._sgemm)
         self._workspaces[key] = workspace
         return workspace
 

@@ -20,7 +20,7 @@ from src.engine.records import CONSTANTS_ARRAY, SPIKING_GRADIENTS, SPIKING_LAYER
 
 @inner
 def _branch_weights(layer, trace):  # type: ignore[no-untyped-def]
-    """The branch weights ``[d*n, inputs]``, computed for this pass unless they are there already."""
+    """The branch weights ``[d*n, inputs]``, computed for this pass; of a layer without dendrites its weight."""
     n, inputs, branches = layer["neurons"], layer["inputs"], layer["branches"]
     if layer["branch_weights"] != 0:
         return floats(layer["branch_weights"], (branches * n, inputs))
@@ -172,11 +172,3 @@ def network_backward(gradients, layers, traces, all_constants, offsets, coding_g
             _layer_backward(
                 this["sgemm"], grad, x, layers[k], traces[k], constants, offsets, coding_gradient, grad_strength
             )
-
-
-@kernel(void(SPIKING_LAYERS, SPIKING_TRACES))
-def expand_all_branches(layers, traces):  # type: ignore[no-untyped-def]
-    """The branch weights of all layers with dendrites, to where the traces say."""
-    for k in range(layers.shape[0]):
-        if layers[k]["branches"] > 1:
-            _branch_weights(layers[k], traces[k])

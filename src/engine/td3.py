@@ -34,7 +34,6 @@ class FastTD3(td3.TD3):
         self._target_actor = bind(self.target_policy.actor)
         self._critic = BoundMLP((self.critic.networks,), False, self.flat["critic"].grads)
         self._target_critic = BoundMLP((self.target_critic.networks,), False)
-        self._actor.refresh()
 
     @torch.no_grad()
     def raw_action(self, observation: Tensor, generator: torch.Generator) -> Tensor:
@@ -69,7 +68,6 @@ class FastTD3(td3.TD3):
         if has_moved:
             (first_values,) = record.samples()
             record.add("actor_loss", td3.actor_loss(first_values))
-        self._actor.refresh()
         return record.means()
 
     def _targets(self, next_observation: Tensor, noise: Tensor, reward: Tensor, terminated: Tensor) -> Tensor:
@@ -98,11 +96,6 @@ class FastTD3(td3.TD3):
             record_health(record, health, self.policy.actor, self.flat["actor"])
         self.flat["target_actor"].follow(self.flat["actor"], self.config.polyak)
         self.flat["target_critic"].follow(self.flat["critic"], self.config.polyak)
-
-    def load_state_dict(self, state: dict[str, Any]) -> None:
-        """See :meth:`src.algorithms.learner.Learner.load_state_dict`."""
-        super().load_state_dict(state)
-        self._actor.refresh()
 
 
 def target_groups(first: int, count: int, delay: int) -> Iterator[range]:

@@ -78,10 +78,7 @@ class TrainedPolicy:
             self.standing = Standing(content["step"], content["evaluation_return"])
 
     def as_in_training(self) -> Callable[[Tensor, torch.Generator], Tensor]:
-        """:meth:`act` on the backend that trained it, so that an evaluation is replayed bit for bit on one machine.
-
-        By the parameters as they are now: ask again after changing one.
-        """
+        """:meth:`act` on the backend that trained it, so that an evaluation is replayed bit for bit on one machine."""
         raw = acting(self.config, self.policy.actor)
         return lambda observation, generator: self.policy.squash(raw(self.normalizer.normalize(observation), generator))
 

@@ -55,7 +55,6 @@ def assert_serves(built, batch):
     for parameter, gradient in gradients.items():
         found = flat.grads[parameter]
         torch.testing.assert_close(found, gradient, rtol=1e-4, atol=1e-5 * float(gradient.abs().max()))
-    bound.refresh()
     assert torch.equal(bound.act(observation, draws()), expected)
     assert torch.equal(bound.raw(observation.unsqueeze(0), draws())[0], expected)
     return gradients
@@ -96,16 +95,14 @@ def test_grouping_passes_moves_no_number(name, encoder):
 
 @pytest.mark.parametrize("how", ["step", "edit", "load"])
 def test_acting_follows_the_parameters(how):
-    """Branch weights are expanded once per burst: half of a policy would be an old one."""
+    """Branch weights of earlier parameters would be half of an old policy."""
     built, other = exact(actor("bptsan")), exact(actor("bptsan"))
     bound, flat = bind(built)
     observation = torch.randn(4, OBSERVATION_SIZE)
-    bound.refresh()
     before = bound.act(observation, None).clone()
     with torch.no_grad():
-        if how == "step":  # the engine's own optimizer writes to the flat tensor and says so
+        if how == "step":  # the engine's own optimizer writes to the flat tensor
             flat.values.mul_(-1)
-            bound.refresh()
         elif how == "edit":
             built.layers[0].synapse.weight.mul_(-1)
         else:
