@@ -85,7 +85,7 @@ def measure(folder: Path, rows: int, interval: int, repeats: int) -> None:
         for _ in range(4):
             session.learner.learn(_burst(session))
         update = (time.process_time() - began) / 200
-        session.replay.close()
+        session.replay.log.close()
         _write_logs(session)
         began = time.perf_counter()
         again = TrainingSession(config, run, PlainProgress(config.protocol.total_steps))

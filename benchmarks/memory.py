@@ -22,8 +22,9 @@ from src.config.identity import Run
 from src.experiment.ownership import acquire
 from src.experiment.run_directory import REPLAY_FILE
 from src.paths import ROOT
-from src.training.replay import make_replay, sample_minibatches
+from src.training.replay import Replay, sample_minibatches
 from src.training.session import TrainingSession
+from src.training.transition_log import TransitionLog
 
 N, M = 111, 8
 ROW_BYTES = 4 * (2 * N + M + 2)
@@ -99,12 +100,12 @@ def _write_state(config: ExperimentConfig, rows: int) -> None:
         session.environment.reset()
         session.save()
         run.evaluations.append(0, [(0.0, 1)] * config.protocol.evaluation_episodes)
-        session.replay.close()
+        session.replay.log.close()
 
 
 def bytes_allocated_per_byte_sampled(path: Path, count: int = 50, batch: int = 100) -> float:
     """All that PyTorch allocates while it draws a burst, over the bytes that the burst holds (indices not counted)."""
-    replay = make_replay(path, _BLOCK, N, M, _BLOCK, torch.Generator().manual_seed(0))
+    replay = Replay(TransitionLog(path, _BLOCK, N, M), _BLOCK, torch.Generator().manual_seed(0))
     replay.extend(noise(_BLOCK, N, M))
     with _Allocations() as allocations:
         burst = sample_minibatches(replay, count, batch)

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from src.actors.health import Trace
+from src.actors.health import Activity
 from src.actors.lateral import LateralInteraction
 from src.actors.lif import LIFConstants
 from src.actors.philox import draw_key, uniform
@@ -22,15 +22,15 @@ from src.actors.spiking_layer import SpikingLayer
 class StepwiseSpikingActor(SpikingActor):
     """:class:`SpikingActor`, computed step by step."""
 
-    def trace(self, observation: Tensor, generator: torch.Generator | None = None) -> Trace:
-        """See :meth:`SpikingActor.trace`."""
+    def activity(self, observation: Tensor, generator: torch.Generator | None = None) -> Activity:
+        """See :meth:`SpikingActor.activity`."""
         spikes = encoder_steps(self.encoder, observation, generator)
         input_spikes = torch.stack(spikes)
         layers = []
         for layer in self.spiking_layers():
             spikes, potentials = layer_steps(layer, spikes)
             layers.append((torch.stack(spikes), torch.stack(potentials)))
-        return Trace(input_spikes, layers)
+        return Activity(input_spikes, layers)
 
 
 def with_gradient_of(value: Tensor, source: Tensor) -> Tensor:

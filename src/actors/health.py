@@ -12,8 +12,8 @@ import torch
 from torch import Tensor
 
 
-class Trace(NamedTuple):
-    """What happened in one pass of a spiking actor."""
+class Activity(NamedTuple):
+    """The spikes and membrane potentials of one pass of a spiking actor."""
 
     input_spikes: Tensor  # of the encoder, [T, B, N*J]
     layers: list[tuple[Tensor, Tensor]]  # spikes and membrane potentials of each layer, [T, B, n]

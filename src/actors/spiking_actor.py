@@ -17,7 +17,7 @@ from torch import Tensor, nn
 from src.actors.actor import Actor
 from src.actors.decoder import PopulationDecoder
 from src.actors.dn import DNConstants
-from src.actors.health import ActorHealth, Trace, layer_health
+from src.actors.health import Activity, ActorHealth, layer_health
 from src.actors.initialisation import Initialiser
 from src.actors.lif import LIFConstants
 from src.actors.membrane_readout import MembraneReadout
@@ -59,11 +59,11 @@ class SpikingActor(Actor):
         self.layers = nn.ModuleList()
         for index, (inputs, neurons) in enumerate(pairwise(sizes)):
             is_output = index == len(config.hidden_sizes)
-            plain = is_output and not config.dendritic.output_topology
+            is_linear = is_output and not config.dendritic.output_topology
             of_layer = initialiser.at("layers").at(index)
             layer = SpikingLayer(
-                replace(config.dendritic, branches=1) if plain else config.dendritic,
-                replace(config.lateral, radius=0) if plain else config.lateral,
+                replace(config.dendritic, branches=1) if is_linear else config.dendritic,
+                replace(config.lateral, radius=0) if is_linear else config.lateral,
                 constants,
                 inputs,
                 neurons,
@@ -74,22 +74,26 @@ class SpikingActor(Actor):
             self.layers.append(layer)
         self.decoder = _decoder(config, action_size, initialiser.at("decoder"))
 
-    def trace(self, observation: Tensor, generator: torch.Generator | None = None) -> Trace:
+    def activity(self, observation: Tensor, generator: torch.Generator | None = None) -> Activity:
         """Spikes and membrane potentials of every layer for observations ``[B, N]``.
 
         Raises:
             ValueError: Poisson coding without a generator.
         """
-        input_spikes = spikes = self.encoder(observation, generator)
+        return self.propagate(self.encoder(observation, generator))
+
+    def propagate(self, input_spikes: Tensor) -> Activity:
+        """The same from the encoder's spikes on, ``[T, B, N*J]``."""
+        spikes = input_spikes
         layers = []
         for layer in self.spiking_layers():
             spikes, potentials = layer(spikes)
             layers.append((spikes, potentials))
-        return Trace(input_spikes, layers)
+        return Activity(input_spikes, layers)
 
     def forward(self, observation: Tensor, generator: torch.Generator | None = None) -> Tensor:
         """Raw action ``[B, M]``; raises ValueError when Poisson coding has no generator."""
-        raw: Tensor = self.decoder(self.trace(observation, generator).output_spikes)
+        raw: Tensor = self.decoder(self.activity(observation, generator).output_spikes)
         return raw
 
     def forward_with_health(
@@ -101,12 +105,12 @@ class SpikingActor(Actor):
         """
         if type(self).forward is not SpikingActor.forward:
             return super().forward_with_health(observation, generator)
-        trace = self.trace(observation, generator)
+        seen = self.activity(observation, generator)
         health = [
             layer_health(spikes, potentials, layer.constants.threshold, layer.constants.window)
-            for (spikes, potentials), layer in zip(trace.layers, self.spiking_layers(), strict=True)
+            for (spikes, potentials), layer in zip(seen.layers, self.spiking_layers(), strict=True)
         ]
-        return self.decoder(trace.output_spikes), ActorHealth(trace.input_spikes.detach().mean(), tuple(health))
+        return self.decoder(seen.output_spikes), ActorHealth(seen.input_spikes.detach().mean(), tuple(health))
 
     def spiking_layers(self) -> list[SpikingLayer]:
         """The layers in the order of the data, the output population last."""

@@ -22,7 +22,6 @@ _PATTERNS = {
 _EXPECTED = {
     "string_type": "text (a number takes quotes: {key}=\"'{input}'\")",
     "string_too_long": "at most {max_length} characters",
-    "string_too_short": "at least {min_length} characters",
     "int_type": "a whole number",
     "int_parsing": "a whole number",
     "int_from_float": "a whole number",

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import statistics
 from collections.abc import Sequence
+from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -20,13 +22,6 @@ DEFAULT_RATES = {
 _OTHER_RATE = 60.0
 _PROXY_RATE = 35.0
 
-#: Sizes (N, M) of observation and action, for the replay's bytes.
-_SIZES = {
-    "Hopper": (11, 3), "Walker2d": (17, 6), "HalfCheetah": (17, 6), "Ant": (27, 8),
-    "InvertedDoublePendulum": (11, 1), "Humanoid": (376, 17),
-}  # fmt: skip
-_ANT_CONTACT_FORCES = 84
-
 
 class Cost(NamedTuple):
     """Hours of one core, hours on the clock, bytes of replay at the peak and at the end."""
@@ -36,27 +31,22 @@ class Cost(NamedTuple):
     peak_bytes: int
     kept_bytes: int
     measured: bool  # the rates of all runs come from this results folder
-    unknown_sizes: tuple[str, ...]  # environments whose replay is not counted
 
 
 def cost(runs: Sequence[tuple[ExperimentConfig, int]], jobs_at_once: int) -> Cost:
     """Cost of the runs to do, each with the steps that are done already."""
-    hours, replays, kept, measured, unknown = [], [], 0, True, set()
+    hours, replays, kept, measured = [], [], 0, True
     for config, done in runs:
         rate, is_measured = _rate(config)
         measured &= is_measured
         hours.append(max(config.protocol.total_steps - done, 0) / rate / 3600)
-        size = _sizes(config.env)
-        if size is None:
-            unknown.add(config.env.name)
-            continue
-        observation, action = size
+        observation, action = _sizes(json.dumps(asdict(config.env)))
         replay = config.protocol.total_steps * (2 * observation + action + 2) * 4
         replays.append(replay)
         kept += replay if config.keep_replay else 0
     peak = kept + sum(sorted(replays, reverse=True)[:jobs_at_once])
     clock = max(sum(hours) / max(jobs_at_once, 1), max(hours, default=0.0))
-    return Cost(sum(hours), clock, peak, kept, measured, tuple(sorted(unknown)))
+    return Cost(sum(hours), clock, peak, kept, measured)
 
 
 def _rate(config: ExperimentConfig) -> tuple[float, bool]:
@@ -83,12 +73,9 @@ def _measured_rates(results: Path) -> dict[tuple[str, str, str], list[float]]:
     return rates
 
 
-def _sizes(env: EnvConfig) -> tuple[int, int] | None:
-    family = env.id.partition("-")[0]
-    if env.id == "Ant-v5":
-        return 105 + env.zero_padding, 8
-    if family not in _SIZES:
-        return None
-    observation, action = _SIZES[family]
-    contact = _ANT_CONTACT_FORCES if family == "Ant" and env.kwargs.get("use_contact_forces") else 0
-    return observation + contact + env.zero_padding, action
+@cache
+def _sizes(task: str) -> tuple[int, int]:
+    """(N, M) of an :class:`EnvConfig` in JSON; the plan has built each of them before."""
+    from src.training.gym_task import sizes  # Gymnasium takes a while to import
+
+    return sizes(EnvConfig(**json.loads(task)))

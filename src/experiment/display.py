@@ -77,8 +77,6 @@ def _show_cost(plan: Plan, console: Console, jobs_at_once: int) -> None:
         f"about {decimal(estimate.peak_bytes)} of disk for replay at the peak, "
         f"{decimal(estimate.kept_bytes)} of it kept at the end",
     )
-    if estimate.unknown_sizes:
-        _print(console, f"not counted: the replay of {', '.join(estimate.unknown_sizes)} (sizes unknown)")
 
 
 class SweepDisplay:

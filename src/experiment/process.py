@@ -1,7 +1,7 @@
 """The process of one run: its CPU threads, the signals that stop it, and the launcher that it dies with.
 
 SIGTERM and the first SIGINT ask a run to stop at its next checkpoint; a second SIGINT stops it at once. The number of
-threads is set where native libraries read it, before they load, and again in torch.
+threads is set where native libraries read it, before they load.
 """
 
 from __future__ import annotations
@@ -43,13 +43,6 @@ def thread_environment(threads: int) -> dict[str, str]:
 def set_threads_before_torch(threads: int) -> None:
     """Set the variables of this process; they count only for libraries that are not loaded yet."""
     os.environ.update(thread_environment(threads))
-
-
-def set_threads_in_torch(threads: int) -> None:
-    """Set torch's own count, which holds whatever was loaded when. The rim itself never imports torch."""
-    torch = sys.modules.get("torch")
-    if torch is not None:
-        torch.set_num_threads(threads)
 
 
 class StopRequest:

@@ -26,6 +26,9 @@ CHECKPOINTS = "checkpoint-*.pt"
 #: In ``state/``: space that a run gives back when it fails, so that even on a full disk its manifest can say why.
 RESERVE_FILE = "reserve"
 RESERVE_BYTES = 2**16
+#: The final policy, and that of the best evaluation.
+POLICY_FILE = "policy.pt"
+BEST_POLICY_FILE = "policy_best.pt"
 #: Returns of its policy under disturbances.
 ROBUSTNESS_FILE = "robustness.csv"
 #: What a run directory holds besides ``state/``.
@@ -35,8 +38,8 @@ FILES = (
     "evaluations.csv",
     "training.csv",
     "failure.txt",
-    "policy.pt",
-    "policy_best.pt",
+    POLICY_FILE,
+    BEST_POLICY_FILE,
     "operations.json",
     ROBUSTNESS_FILE,
 )
@@ -195,6 +198,11 @@ class RunDirectory:
     def can_be_extended(self) -> bool:
         """Whether ``state/`` still holds what a longer run goes on from."""
         return (self.state / REPLAY_FILE).exists() and any(self.state.glob(CHECKPOINTS))
+
+    def shrink_state(self) -> None:
+        """Of a complete run: leave the logs in ``state/``; it can't be extended then."""
+        for file in [self.state / REPLAY_FILE, *self.state.glob(CHECKPOINTS)]:
+            file.unlink(missing_ok=True)
 
     def reserve(self) -> None:
         """Set space aside for the last words of a run that dies of a full disk.

@@ -17,7 +17,7 @@ from src.experiment.run_directory import Manifest, ManifestError, RunDirectory, 
 #: A running manifest of another machine with an older sign of life belongs to a dead process.
 FRESH_SECONDS = 300.0
 #: Kinds of failure that trying again can't mend: with on_conflict=replace such a run starts over.
-DAMAGED = frozenset({"CorruptCheckpoint", "CorruptState"})
+DAMAGED = frozenset({"CorruptState", "CorruptCheckpoint"})  # the second: in older manifests
 
 
 class ExitCode(IntEnum):

@@ -75,7 +75,7 @@ def _execute(run: Run, progress: Progress, also_stop: Callable[[], bool] | None)
             ) from error
         _record(directory, heartbeat, outcome)
         if outcome.status == RunState.COMPLETE and not run.config.keep_replay:
-            _shrink(directory)
+            directory.shrink_state()  # a kill since the manifest says `complete` costs disk, not the run
         directory.give_back_reserve()
         return outcome
 
@@ -85,16 +85,8 @@ def _train(run: Run, directory: RunDirectory, progress: Progress, also_stop: Cal
     with process.stop_request() as stop:
         from src.training.session import train  # torch loads here, after the thread variables are set
 
-        process.set_threads_in_torch(run.config.threads)
         stop_requested = stop if also_stop is None else lambda: stop() or also_stop()
         return train(run.config, directory, progress, stop_requested)
-
-
-def _shrink(directory: RunDirectory) -> None:
-    """Only after the manifest says ``complete``: a kill in between then costs disk, not the run."""
-    from src.training.session import shrink_state
-
-    shrink_state(directory)
 
 
 def _record(directory: RunDirectory, heartbeat: Heartbeat, outcome: Outcome) -> None:

@@ -42,7 +42,6 @@ class PlainPolicy(nn.Module):
         """Actions ``[B, M]`` for raw observations ``[B, N]``; Poisson coding takes uniform numbers ``[T, B, N*J]``."""
         x = self.normalizer.normalize(observation)
         if is_spiking(self.actor):
-            assert isinstance(self.actor, SpikingActor)
             raw = self._spiking(self.actor, x, uniform)
         else:
             raw = self.actor(x)
@@ -56,9 +55,7 @@ class PlainPolicy(nn.Module):
             spikes = strength.expand(actor.encoder.time_steps, *strength.shape)
         else:
             spikes = deterministic_spikes(strength, actor.encoder.time_steps, actor.encoder.threshold)
-        for layer in actor.spiking_layers():
-            spikes, _ = layer(spikes)
-        raw: Tensor = actor.decoder(spikes)
+        raw: Tensor = actor.decoder(actor.propagate(spikes).output_spikes)
         return raw
 
     def example(self, batch: int) -> tuple[Tensor, ...]:

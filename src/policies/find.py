@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from src.config import ConfigurationError
+from src.experiment.run_directory import BEST_POLICY_FILE, POLICY_FILE
 
 FINAL = "final"
 BEST = "best"
-_NAMES = {FINAL: "policy.pt", BEST: "policy_best.pt"}
+_NAMES = {FINAL: POLICY_FILE, BEST: BEST_POLICY_FILE}
 
 
 def policy_path(run: Path, which: str = FINAL) -> Path:

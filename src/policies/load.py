@@ -18,7 +18,7 @@ def load_policy(path: Path) -> TrainedPolicy:
     """Read the file on one thread of the CPU, with the numerics of training.
 
     Raises:
-        CorruptCheckpoint: the file is not a whole policy file.
+        CorruptState: the file is not a whole policy file.
     """
     set_numerics(threads=1)
     return TrainedPolicy(path)

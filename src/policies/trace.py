@@ -93,12 +93,8 @@ def trace(actor: Actor, observation: Tensor, generator: torch.Generator | None =
     return _unknown(actor, observation, generator)
 
 
-def linear_layers(actor: MLPActor) -> list[tuple[Tensor, Tensor]]:
-    """Weight ``[outputs, inputs]`` and bias ``[outputs]`` of each layer, input first; views of the parameters."""
-    return _layers_of(actor.hidden) + _layers_of(actor.output)
-
-
 def _layers_of(network: EnsembleMLP) -> list[tuple[Tensor, Tensor]]:
+    """Weight ``[outputs, inputs]`` and bias ``[outputs]`` of each layer, input first; views of the parameters."""
     return [(weight[0].T, bias[0, 0]) for weight, bias in zip(network.weights, network.biases, strict=True)]
 
 
@@ -113,7 +109,10 @@ class Layer(NamedTuple):
 def weighted_layers(actor: Actor) -> list[Layer]:
     """Every connection layer in the order of the data; of an unknown actor its ``nn.Linear`` layers."""
     if is_perceptron(actor):
-        return [Layer(f"layer{n}", *parts) for n, parts in enumerate(linear_layers(actor), start=1)]
+        return [
+            Layer(f"layer{n}", *parts)
+            for n, parts in enumerate(_layers_of(actor.hidden) + _layers_of(actor.output), start=1)
+        ]
     if is_population_perceptron(actor):
         hidden = [Layer(f"layer{n}", *parts) for n, parts in enumerate(_layers_of(actor.hidden), start=1)]
         return [*hidden, Layer("decoder", actor.decoder.weight, actor.decoder.bias)]
@@ -131,11 +130,11 @@ def weighted_layers(actor: Actor) -> list[Layer]:
 
 
 def _spiking(actor: SpikingActor, observation: Tensor, generator: torch.Generator | None) -> Trace:
-    spikes = actor.encoder(observation, generator)
+    activity = actor.activity(observation, generator)
+    spikes = activity.input_spikes
     connections, neurons = [], []
-    for number, layer in enumerate(actor.spiking_layers(), start=1):
+    for number, (layer, (fired, potentials)) in enumerate(zip(actor.spiking_layers(), activity.layers), start=1):
         name = f"layer{number}"
-        fired, potentials = layer(spikes)
         connections.append(Connections(name, spikes, layer.synapse.weight))
         before = torch.cat([torch.zeros_like(fired[:1]), fired[:-1]])
         if layer.lateral is not None:
@@ -151,29 +150,28 @@ def _spiking(actor: SpikingActor, observation: Tensor, generator: torch.Generato
 
 
 def _perceptron(actor: MLPActor, observation: Tensor) -> Trace:
-    layers = linear_layers(actor)
-    connections, neurons = [], []
-    x = observation.unsqueeze(0)
-    for number, (weight, bias) in enumerate(layers, start=1):
-        last = number == len(layers)
-        name = "output" if last else f"layer{number}"
-        connections.append(Connections(name, x, weight))
-        x = F.linear(x, weight, bias)
-        if not last:
-            x = torch.relu(x)
-            neurons.append(Neurons(name, x))
-    return Trace(x[0], connections, neurons)
+    connections, neurons = _hidden_layers(actor.hidden, observation)
+    ((weight, bias),) = _layers_of(actor.output)
+    x = neurons[-1].activations
+    return Trace(F.linear(x, weight, bias)[0], [*connections, Connections("output", x, weight)], neurons)
 
 
 def _population_perceptron(actor: PopulationMLPActor, observation: Tensor) -> Trace:
+    connections, neurons = _hidden_layers(actor.hidden, actor.encoder.strength(observation))
+    x = neurons[-1].activations
+    decoder = Connections("decoder", x, actor.decoder.weight, grouped=True)
+    return Trace(actor.decoder(x), [*connections, decoder], neurons)
+
+
+def _hidden_layers(network: EnsembleMLP, x: Tensor) -> tuple[list[Connections], list[Neurons]]:
+    """ReLU layers, the first of which takes ``x [B, inputs]``."""
     connections, neurons = [], []
-    x = actor.encoder.strength(observation).unsqueeze(0)
-    for number, (weight, bias) in enumerate(_layers_of(actor.hidden), start=1):
+    x = x.unsqueeze(0)
+    for number, (weight, bias) in enumerate(_layers_of(network), start=1):
         connections.append(Connections(f"layer{number}", x, weight))
         x = torch.relu(F.linear(x, weight, bias))
         neurons.append(Neurons(f"layer{number}", x))
-    connections.append(Connections("decoder", x, actor.decoder.weight, grouped=True))
-    return Trace(actor.decoder(x), connections, neurons)
+    return connections, neurons
 
 
 def _unknown(actor: Actor, observation: Tensor, generator: torch.Generator | None) -> Trace:

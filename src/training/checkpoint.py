@@ -15,13 +15,10 @@ import torch
 
 from src.experiment.files import replace_file
 from src.experiment.run_directory import CHECKPOINTS
+from src.training.errors import CorruptState
 
 _MAGIC = b"spiking-actor-checkpoint 1\n"
 _KEEP = 2
-
-
-class CorruptCheckpoint(RuntimeError):
-    """A file is not a whole checkpoint, or no whole checkpoint is left; the message says what to do."""
 
 
 def write_archive(path: Path, content: Any) -> None:
@@ -36,12 +33,12 @@ def read_archive(path: Path) -> Any:
     """Read what :func:`write_archive` wrote.
 
     Raises:
-        CorruptCheckpoint: the file is truncated, altered, or something else.
+        CorruptState: the file is truncated, altered, or something else.
     """
     data = memoryview(path.read_bytes())
     digest, body = data[len(_MAGIC) : len(_MAGIC) + 32], data[len(_MAGIC) + 32 :]
     if bytes(data[: len(_MAGIC)]) != _MAGIC or hashlib.sha256(body).digest() != bytes(digest):
-        raise CorruptCheckpoint(f"{path.name} is truncated or not a checkpoint")
+        raise CorruptState(f"{path.name} is truncated or not a checkpoint")
     return torch.load(io.BytesIO(body), weights_only=True, map_location="cpu")
 
 
@@ -65,22 +62,17 @@ class CheckpointFolder:
         """The newest whole checkpoint (None where there is no file), and notes on corrupt ones passed over.
 
         Raises:
-            CorruptCheckpoint: there are checkpoint files, and none of them is whole.
+            CorruptState: there are checkpoint files, and none of them is whole.
         """
         notes: list[str] = []
         for path in self.paths():
             try:
                 return read_archive(path), notes
-            except (CorruptCheckpoint, OSError) as error:
+            except (CorruptState, OSError) as error:
                 notes.append(f"passed over {path.name}: {error}")
         if notes:
-            raise CorruptCheckpoint(
+            raise CorruptState(
                 "no whole checkpoint is left (" + "; ".join(notes) + "): start this run over with "
                 "on_conflict=replace, or restore its state/ folder from a backup"
             )
         return None, notes
-
-    def clear(self) -> None:
-        """Remove all checkpoints (of a complete run)."""
-        for path in self.paths():
-            path.unlink()

@@ -20,8 +20,6 @@ from src.config import ConfigurationError, EnvConfig
 from src.training.errors import CorruptState
 from src.training.gym_task import action_limit, is_mujoco, make_gym, sizes
 
-__all__ = ["TrainingEnvironment", "make_gym", "sizes"]
-
 _CPU = torch.device("cpu")
 _NO_BATCH = torch.Size([])
 _FALSE = torch.zeros(1, dtype=torch.bool)

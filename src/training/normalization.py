@@ -27,11 +27,10 @@ class Normalizer:
         size: N, dimensions of the observation.
         clip: the bound of the normalised observation.
         enabled: where False, :meth:`normalize` is the identity and :meth:`update` does nothing.
-        device: where observations are normalised; the statistics themselves stay on the CPU.
     """
 
-    def __init__(self, size: int, clip: float, enabled: bool = True, device: str | torch.device = "cpu") -> None:
-        self.size, self.clip, self.enabled, self.device = size, clip, enabled, torch.device(device)
+    def __init__(self, size: int, clip: float, enabled: bool = True) -> None:
+        self.size, self.clip, self.enabled = size, clip, enabled
         self.count = 0
         self._mean = torch.zeros(size, dtype=torch.float64)
         self._sum_of_squares = torch.zeros(size, dtype=torch.float64)
@@ -88,5 +87,5 @@ class Normalizer:
         self._cache()
 
     def _cache(self) -> None:
-        self._mean32 = self._mean.to(self.device, torch.float32)
-        self._scale32 = (self.variance + _EPSILON).rsqrt().to(self.device, torch.float32)
+        self._mean32 = self._mean.to(torch.float32)
+        self._scale32 = (self.variance + _EPSILON).rsqrt().to(torch.float32)

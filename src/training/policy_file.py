@@ -19,9 +19,6 @@ from src.streams import Streams
 from src.training.checkpoint import read_archive, write_archive
 from src.training.normalization import Normalizer
 
-POLICY_FILE = "policy.pt"
-BEST_POLICY_FILE = "policy_best.pt"
-
 
 class Standing(NamedTuple):
     """When a policy was kept, and how it did then."""
@@ -59,7 +56,7 @@ class TrainedPolicy:
     """A policy read back from its file; nothing else of the run is needed.
 
     Raises:
-        CorruptCheckpoint: the file is not a whole policy file.
+        CorruptState: the file is not a whole policy file.
     """
 
     def __init__(self, path: Path) -> None:

@@ -5,7 +5,6 @@ Transitions are sampled uniformly, with replacement, from the last ``capacity`` 
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import torch
@@ -16,16 +15,18 @@ from torchrl.data.replay_buffers.writers import Writer
 
 from src.algorithms.learner import Minibatches
 from src.training.collection import Transitions
-from src.training.errors import CorruptState
 from src.training.transition_log import TransitionLog
-
-__all__ = ["CorruptState", "Minibatches", "Replay", "make_replay", "sample_minibatches"]
 
 
 class Replay(ReplayBuffer):
-    """TorchRL's replay buffer with what an exact resume needs: a length, and its generator.
+    """TorchRL's replay buffer over the file of transitions, empty; a resumed run truncates ``log`` to its checkpoint.
 
     ``extend(transitions)`` appends :class:`Transitions`; ``sample(B)`` gives the columns of B transitions.
+
+    Args:
+        log: the transitions on disk.
+        capacity: transitions are sampled from the last ``capacity``.
+        generator: the replay's own random stream; its state belongs to the checkpoint.
     """
 
     def __init__(self, log: TransitionLog, capacity: int, generator: torch.Generator) -> None:
@@ -36,48 +37,7 @@ class Replay(ReplayBuffer):
             collate_fn=_as_is,
             generator=generator,
         )
-        self._log = log
-        self.generator = generator  # the replay's random stream; its state belongs to the checkpoint
-
-    @property
-    def length(self) -> int:
-        """Transitions stored since the run began: all that a checkpoint needs to record."""
-        return len(self._log)
-
-    def truncate(self, length: int) -> None:
-        """Go back to the first ``length`` transitions, on resume.
-
-        Raises:
-            CorruptState: the file is shorter than that.
-        """
-        self._log.truncate(length)
-
-    def flush(self, start: int, stop: int) -> None:
-        """Force the transitions ``start <= i < stop`` to the disk, at a checkpoint."""
-        self._log.flush(start, stop)
-
-    def close(self) -> None:
-        """Let go of the file."""
-        self._log.close()
-
-
-def make_replay(
-    path: Path, rows: int, observation_size: int, action_size: int, capacity: int, generator: torch.Generator
-) -> Replay:
-    """The replay of a run, empty; a resumed run then calls :meth:`Replay.truncate` with its checkpoint's length.
-
-    Args:
-        path: the file of transitions; it grows to ``rows`` of them.
-        rows: the run's total steps.
-        observation_size: N.
-        action_size: M.
-        capacity: transitions are sampled from the last ``capacity``.
-        generator: the replay's own random stream.
-
-    Raises:
-        OSError: the file cannot be made.
-    """
-    return Replay(TransitionLog(Path(path), rows, observation_size, action_size), capacity, generator)
+        self.log, self.generator = log, generator
 
 
 def sample_minibatches(buffer: Replay, count: int, batch_size: int) -> Minibatches:

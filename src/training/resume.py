@@ -7,7 +7,7 @@ from typing import Any
 from src.config import ProtocolConfig
 from src.experiment.progress import Progress
 from src.experiment.run_directory import RunDirectory
-from src.training.checkpoint import CheckpointFolder, CorruptCheckpoint
+from src.training.checkpoint import CheckpointFolder
 from src.training.errors import CorruptState
 
 
@@ -15,13 +15,13 @@ def newest_checkpoint(run: RunDirectory, progress: Progress) -> dict[str, Any] |
     """The content of the newest whole checkpoint; None for a run that has not written one yet.
 
     Raises:
-        CorruptCheckpoint: the run has written checkpoints, and none of them is left whole.
+        CorruptState: the run has written checkpoints, and none of them is left whole.
     """
     content, notes = CheckpointFolder(run.state).load()
     for note in notes:
         progress.note(note)
     if content is None and (step := run.manifest.checkpoint_step) is not None:
-        raise CorruptCheckpoint(
+        raise CorruptState(
             f"the checkpoint of step {step} is gone: restore this run's state/ folder, or start the run over "
             "with on_conflict=replace"
         )

@@ -17,7 +17,14 @@ from src.algorithms.learner import Minibatches
 from src.algorithms.metrics import METRICS, Diverged, IntervalMeans, health_columns
 from src.config import ConfigurationError, ExperimentConfig
 from src.experiment.progress import Progress
-from src.experiment.run_directory import REPLAY_FILE, ROBUSTNESS_FILE, RunDirectory, RunState
+from src.experiment.run_directory import (
+    BEST_POLICY_FILE,
+    POLICY_FILE,
+    REPLAY_FILE,
+    ROBUSTNESS_FILE,
+    RunDirectory,
+    RunState,
+)
 from src.experiment.state import Outcome
 from src.policies.operations import count_operations, write_operations
 from src.streams import Streams
@@ -28,9 +35,10 @@ from src.training.evaluation import Evaluator
 from src.training.loggers import Logger, open_logger
 from src.training.normalization import Normalizer
 from src.training.numerics import record_blas, select_blas, set_numerics
-from src.training.policy_file import BEST_POLICY_FILE, POLICY_FILE, Standing, save_policy
-from src.training.replay import make_replay, sample_minibatches
+from src.training.policy_file import Standing, save_policy
+from src.training.replay import Replay, sample_minibatches
 from src.training.resume import check_logs, newest_checkpoint
+from src.training.transition_log import TransitionLog
 
 
 def train(
@@ -57,12 +65,6 @@ def train(
     return session.loop(stop_requested)
 
 
-def shrink_state(run: RunDirectory) -> None:
-    """Reduce ``state/`` of a complete run to its logs: what is left can't be extended."""
-    CheckpointFolder(run.state).clear()
-    (run.state / REPLAY_FILE).unlink(missing_ok=True)
-
-
 class TrainingSession:
     """One run in progress: its parts, where it stands, and how both are saved and restored."""
 
@@ -80,13 +82,8 @@ class TrainingSession:
             )
         self.normalizer = Normalizer(self.sizes[0], config.normalization_clip, config.normalize_observations)
         self.random_actions = self.streams.torch("random actions")
-        self.replay = make_replay(
-            run.state / REPLAY_FILE,
-            config.protocol.total_steps,
-            *self.sizes,
-            config.algo.replay_capacity,
-            self.streams.torch("replay"),
-        )
+        log = TransitionLog(run.state / REPLAY_FILE, config.protocol.total_steps, *self.sizes)
+        self.replay = Replay(log, config.algo.replay_capacity, self.streams.torch("replay"))
         self.evaluator = Evaluator(config, self.streams)
         self.checkpoints = CheckpointFolder(run.state)
         self.interval = IntervalMeans()
@@ -245,8 +242,8 @@ class TrainingSession:
 
     def save(self) -> None:
         """Write a checkpoint: everything that the rest of the run depends on."""
-        self.replay.flush(self.flushed, self.replay.length)
-        self.flushed = self.replay.length
+        self.replay.log.flush(self.flushed, len(self.replay))
+        self.flushed = len(self.replay)
         self.checkpoints.save(self.step, self.state_dict())
         self.run.update_manifest(step=self.step, checkpoint_step=self.step)
 
@@ -254,13 +251,13 @@ class TrainingSession:
         """Go on from the newest whole checkpoint; without one, from the beginning.
 
         Raises:
-            CorruptCheckpoint: none of the run's checkpoints is left whole.
+            CorruptState: none of the run's checkpoints is left whole.
             CorruptState: the logs or the replay lack what was written before it.
         """
         content = newest_checkpoint(self.run, self.progress)
         if content is None:
             self.run.cut_after(-1)
-            self.replay.truncate(0)
+            self.replay.log.truncate(0)
             return
         self.load_state_dict(content)
         check_logs(self.run, self.config.protocol, self.step)
@@ -275,7 +272,7 @@ class TrainingSession:
             "learner": self.learner.state_dict(),
             "normalizer": self.normalizer.state_dict(),
             "generators": {name: g.get_state() for name, g in self._generators().items()},
-            "replay_length": self.replay.length,
+            "replay_length": len(self.replay),
             "environment": self.environment.save_state(),
             "interval": self.interval.state_dict(),
             "interval_seconds": self.interval_seconds,
@@ -290,8 +287,8 @@ class TrainingSession:
         self.normalizer.load_state_dict(content["normalizer"])
         for name, generator in self._generators().items():
             generator.set_state(content["generators"][name])
-        self.replay.truncate(content["replay_length"])
-        self.flushed = self.replay.length
+        self.replay.log.truncate(content["replay_length"])
+        self.flushed = len(self.replay)
         self.environment.restore_on_next_reset(content["environment"])
         self.interval.load_state_dict(content["interval"])
         self.interval_seconds = content["interval_seconds"]

@@ -52,7 +52,7 @@ def test_two_damaged_checkpoints_are_refused_and_replace_starts_over(results: Pa
         code, output = forked(results, *AAN)
         assert code == 1 and "Traceback" not in output, output
         assert "no whole checkpoint is left" in output and "on_conflict=replace" in output
-        assert manifest(results)["failure"]["kind"] == "CorruptCheckpoint"
+        assert manifest(results)["failure"]["kind"] == "CorruptState"
         assert (run_of(results) / "failure.txt").read_text().startswith("Traceback")
         assert (run_of(results) / "evaluations.csv").read_bytes() == rows
     code, output = forked(results, *AAN, "on_conflict=replace")

@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from src.streams import Streams
-from src.training.checkpoint import CorruptCheckpoint
+from src.training.errors import CorruptState
 from src.training.evaluation import Evaluator
 from src.training.policy_file import TrainedPolicy
 from tests.helpers import tiny
@@ -65,5 +65,5 @@ def test_a_run_without_a_policy_is_one_sentence(tmp_path: Path) -> None:
 def test_a_cut_policy_file_is_refused(finished: Path, tmp_path: Path) -> None:
     cut = tmp_path / "policy.pt"
     cut.write_bytes((finished / "policy.pt").read_bytes()[:-1])
-    with pytest.raises(CorruptCheckpoint, match="truncated"):
+    with pytest.raises(CorruptState, match="truncated"):
         TrainedPolicy(cut)

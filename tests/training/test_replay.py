@@ -13,7 +13,8 @@ from torchrl.data.replay_buffers import ReplayBuffer
 
 from src.training.collection import Transitions
 from src.training.errors import CorruptState
-from src.training.replay import Replay, make_replay, sample_minibatches
+from src.training.replay import Replay, sample_minibatches
+from src.training.transition_log import TransitionLog
 from tests.helpers import ROOT
 
 N, M = 5, 2
@@ -35,7 +36,7 @@ def block(start: int, length: int, n: int = N, m: int = M) -> Transitions:
 
 
 def replay(path: Path, rows: int = 1000, capacity: int = 1000, seed: int = 0) -> Replay:
-    return make_replay(path / "replay.bin", rows, N, M, capacity, torch.Generator().manual_seed(seed))
+    return Replay(TransitionLog(path / "replay.bin", rows, N, M), capacity, torch.Generator().manual_seed(seed))
 
 
 def numbers(buffer: Replay, draws: int = 20_000) -> torch.Tensor:
@@ -48,7 +49,7 @@ def test_what_is_sampled_is_what_was_stored(tmp_path: Path) -> None:
     assert isinstance(buffer, ReplayBuffer)
     for start in range(0, 500, 50):
         buffer.extend(block(start, 50))
-    assert buffer.length == len(buffer) == buffer.write_count == 500
+    assert len(buffer) == buffer.write_count == 500
     found = sample_minibatches(buffer, 50, 100)
     assert [tuple(tensor.shape) for tensor in found] == [(50, 100, N), (50, 100, M), (50, 100), (50, 100, N), (50, 100)]
     assert all(tensor.is_contiguous() and tensor.dtype == torch.float32 for tensor in found)
@@ -104,13 +105,13 @@ def test_it_holds_no_more_than_its_rows(tmp_path: Path) -> None:
     buffer.extend(block(0, 100))
     with pytest.raises(IndexError, match="at most 100"):
         buffer.extend(block(100, 1))
-    assert buffer.length == 100
+    assert len(buffer) == 100
 
 
 def test_the_file_grows_in_chunks_and_keeps_what_it_held(tmp_path: Path) -> None:
     """A row of Ant's size, so that several chunks are needed."""
     n, m, rows = 111, 8, 100_000
-    buffer = make_replay(tmp_path / "replay.bin", rows, n, m, rows, torch.Generator().manual_seed(0))
+    buffer = Replay(TransitionLog(tmp_path / "replay.bin", rows, n, m), rows, torch.Generator().manual_seed(0))
     sizes = []
     for start in range(0, rows, 10_000):
         buffer.extend(block(start, 10_000, n, m))
@@ -134,14 +135,14 @@ def test_a_resumed_run_goes_back_to_its_checkpoint(tmp_path: Path) -> None:
     stopped = replay(resumed)
     for start in range(0, 200, 50):
         stopped.extend(block(start, 50))
-    stopped.flush(0, 200)
+    stopped.log.flush(0, 200)
     stopped.extend(block(700, 33))  # after the checkpoint, and different
-    stopped.close()
+    stopped.log.close()
     again = replay(resumed)
-    assert again.length == 0
-    again.truncate(200)
+    assert len(again) == 0
+    again.log.truncate(200)
     again.extend(block(200, 100))
-    assert again.length == straight.length == 300
+    assert len(again) == len(straight) == 300
     assert torch.equal(numbers(again), numbers(straight))
     assert (whole / "replay.bin").read_bytes()[: 300 * 4 * 14] == (resumed / "replay.bin").read_bytes()[: 300 * 4 * 14]
 
@@ -149,9 +150,9 @@ def test_a_resumed_run_goes_back_to_its_checkpoint(tmp_path: Path) -> None:
 def test_an_extended_run_has_more_rows(tmp_path: Path) -> None:
     buffer = replay(tmp_path, rows=100)
     buffer.extend(block(0, 100))
-    buffer.close()
+    buffer.log.close()
     longer = replay(tmp_path, rows=250)
-    longer.truncate(100)
+    longer.log.truncate(100)
     longer.extend(block(100, 150))
     assert set(numbers(longer).tolist()) == set(range(250))
 
@@ -160,54 +161,55 @@ def test_an_extended_run_has_more_rows(tmp_path: Path) -> None:
 def test_a_file_cut_short_is_noticed(tmp_path: Path, keep: int) -> None:
     buffer = replay(tmp_path, rows=100)
     buffer.extend(block(0, 100))
-    buffer.close()
+    buffer.log.close()
     with (tmp_path / "replay.bin").open("r+b") as file:
         file.truncate(keep)
     short = replay(tmp_path, rows=100)
     with pytest.raises(CorruptState, match="checkpoint counts on 100"):
-        short.truncate(100)
+        short.log.truncate(100)
 
 
 def test_a_deleted_file_is_noticed(tmp_path: Path) -> None:
     with pytest.raises(CorruptState, match="deleted"):
-        replay(tmp_path).truncate(50)
+        replay(tmp_path).log.truncate(50)
 
 
 def test_a_folder_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
-        make_replay(tmp_path / "gone" / "replay.bin", 10, N, M, 10, torch.Generator())
+        Replay(TransitionLog(tmp_path / "gone" / "replay.bin", 10, N, M), 10, torch.Generator())
 
 
 def test_flush_takes_any_range(tmp_path: Path) -> None:
     buffer = replay(tmp_path)
-    buffer.flush(0, 0)
+    buffer.log.flush(0, 0)
     buffer.extend(block(0, 1000))
     for start, stop in ((0, 1000), (999, 1000), (73, 74), (100, 100)):
-        buffer.flush(start, stop)
+        buffer.log.flush(start, stop)
 
 
 _FILL = """
 import os, resource, sys
 from pathlib import Path
 import torch
-from src.training.replay import make_replay, sample_minibatches
+from src.training.replay import Replay, sample_minibatches
+from src.training.transition_log import TransitionLog
 from tests.training.test_replay import block
 limit, allocation = int(sys.argv[2]), sys.argv[3]
 if allocation == "by writing":
     vars(os).pop("posix_fallocate", None)
 if limit:
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
-buffer = make_replay(Path(sys.argv[1]), 200_000, 111, 8, 200_000, torch.Generator())
+buffer = Replay(TransitionLog(Path(sys.argv[1]), 200_000, 111, 8), 200_000, torch.Generator())
 try:
     while True:
-        buffer.extend(block(buffer.length, 1000, 111, 8))
+        buffer.extend(block(len(buffer), 1000, 111, 8))
 except OSError as error:
     print(error)
-assert buffer.length >= 30_000, buffer.length
+assert len(buffer) >= 30_000, len(buffer)
 found = sample_minibatches(buffer, 50, 100)
 assert torch.equal(found.observation[..., 0], found.reward / 2)
-buffer.flush(0, buffer.length)
-assert Path(sys.argv[1]).stat().st_size >= buffer.length * 4 * 232
+buffer.log.flush(0, len(buffer))
+assert Path(sys.argv[1]).stat().st_size >= len(buffer) * 4 * 232
 """
 #: How the file grows; macOS has only the second.
 ALLOCATIONS = ["by the system", "by writing"]

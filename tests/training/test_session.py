@@ -15,7 +15,8 @@ from src.config import ExperimentConfig
 from src.config.identity import Run
 from src.experiment.ownership import acquire
 from src.experiment.state import Outcome
-from src.training.checkpoint import CheckpointFolder, CorruptCheckpoint, read_archive
+from src.training.checkpoint import CheckpointFolder, read_archive
+from src.training.errors import CorruptState
 from src.training.numerics import record_blas, set_numerics
 from src.training.session import TrainingSession
 from tests.helpers import Silent, tiny
@@ -162,7 +163,7 @@ def test_two_corrupt_checkpoints_are_refused_and_the_evaluations_stay(tmp_path: 
         data = bytearray(checkpoint.read_bytes())
         data[len(data) // 2] ^= 1
         checkpoint.write_bytes(data)
-    with pytest.raises(CorruptCheckpoint, match="on_conflict=replace"):
+    with pytest.raises(CorruptState, match="on_conflict=replace"):
         run(config)
     assert (path / "evaluations.csv").read_bytes() == rows
 

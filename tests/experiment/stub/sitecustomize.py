@@ -75,17 +75,12 @@ def train(config, run, progress, stop_requested):
     return Outcome("complete", step, "")
 
 
-def shrink_state(run):
-    for name in ("checkpoint", "checkpoint-1.pt", "replay.bin"):
-        (run.state / name).unlink(missing_ok=True)
-
-
 if "STUB" in os.environ:
     sys.meta_path.insert(0, NoTorch())
     package, session = types.ModuleType("src.training"), types.ModuleType("src.training.session")
     package.__path__ = [str(pathlib.Path(__file__).parents[3] / "src" / "training")]  # the plan builds tasks
     package.session = session
-    session.train, session.shrink_state = train, shrink_state
+    session.train = train
     sys.modules |= {"src.training": package, "src.training.session": session}
     for name in json.loads(os.environ["STUB"]).get("without", ()):
         setattr(ctypes.CDLL, name, property(lambda _: (_ for _ in ()).throw(AttributeError("not on this machine"))))
