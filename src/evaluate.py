@@ -90,8 +90,8 @@ def play(path: Path, episodes: int, seed: int) -> tuple[str, list[tuple[float, i
     trained = load_policy(path)
     config = replace(trained.config, protocol=replace(trained.config.protocol, evaluation_episodes=episodes))
     evaluator = Evaluator(config, Streams(seed))
-    kept = summary.kept(trained.standing) if trained.standing else "policy of an unknown step"
-    return kept, evaluator.evaluate(trained.as_in_training(), step=FRESH)
+    kept = summary.describe(trained.standing) if trained.standing else "policy of an unknown step"
+    return kept, evaluator.evaluate(trained.on_training_backend(), step=FRESH)
 
 
 def statistics(returns: Sequence[float]) -> str:

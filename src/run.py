@@ -21,7 +21,7 @@ if not __package__:  # ``python src/run.py``, the form that Hydra's shell comple
 
 @hydra.main(version_base="1.3", config_path=str(ROOT / "conf"), config_name="config")
 def task(composed: DictConfig) -> str:
-    """One job (see :mod:`src.experiment.launch.single`)."""
+    """One run (:mod:`src.experiment.launch.single`); with ``-m`` Hydra calls the sweeper of ``src/plugins`` instead."""
     from src.experiment.launch.single import run_composed
 
     return run_composed(composed)

@@ -22,7 +22,7 @@ from src.experiment.files import last_row, mean_returns
 from src.experiment.plan import compared_on_disk
 from src.experiment.progress import duration, number
 from src.experiment.run_directory import RunState
-from src.experiment.state import ExitCode, exit_code, observe
+from src.experiment.state import ExitCode, exit_code, inspect_run
 from src.paths import repository_path
 
 _STATES = (
@@ -104,7 +104,7 @@ def _seed(path: Path) -> int:
 
 
 def _seed_status(path: Path) -> SeedStatus:
-    seen = observe(path)
+    seen = inspect_run(path)
     if seen.manifest is None:
         return SeedStatus(_seed(path), seen.state, 0, 0, None, None, None, seen.why)
     row = last_row(path / "training.csv")

@@ -19,7 +19,7 @@ import yaml
 
 from src.config import validate
 from src.config.identity import Run
-from src.experiment.state import Action, next_action
+from src.experiment.state import Next, next_action
 from src.training.policy_file import TrainedPolicy
 
 FIXTURES = Path(__file__).parent / "fixtures"
@@ -51,7 +51,7 @@ def test_a_complete_run_of_this_engine_is_found_and_skipped(study: tuple[Run, Pa
     run, path = study
     assert run.path == path
     assert json.loads((path / "manifest.json").read_text())["configuration_hash"] == run.configuration_hash
-    assert next_action(run).action is Action.SKIP
+    assert next_action(run).action is Next.SKIP
 
 
 @pytest.mark.parametrize("name", ["policy.pt", "policy_best.pt"])

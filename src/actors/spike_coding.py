@@ -29,7 +29,7 @@ Coding = Literal["poisson", "deterministic", "analog"]
 def encode(
     strength: Tensor, coding: Coding, time_steps: int, threshold: float, generator: torch.Generator | None
 ) -> Tensor:
-    """Spike trains, with straight-through gradient to the strength.
+    """Spike trains, with straight-through gradient w.r.t. the strength.
 
     Args:
         strength: stimulation strength A, ``[B, n]``, in [0, 1].
@@ -90,7 +90,7 @@ def coding_gradient(coding: Coding, time_steps: int, threshold: float) -> list[f
 
 
 class StraightThrough(torch.autograd.Function):
-    """Spikes as they are; the gradient to the strength is ``sum over tau of a_tau * grad_spike_tau``."""
+    """Spikes as they are; the gradient w.r.t. the strength is ``sum over tau of a_tau * grad_spike_tau``."""
 
     @staticmethod
     def forward(ctx: Any, strength: Tensor, spikes: Tensor, coding_gradient: list[float]) -> Tensor:

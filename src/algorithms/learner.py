@@ -148,7 +148,7 @@ def parameters_of(optimizer: torch.optim.Optimizer) -> list[nn.Parameter]:
 
 
 @torch.no_grad()
-def follow(target: nn.Module, online: nn.Module, polyak: float) -> None:
+def polyak_update(target: nn.Module, online: nn.Module, polyak: float) -> None:
     """Polyak averaging of a target network: ``target <- polyak * target + (1 - polyak) * online`` [SU]."""
     for slow, fast in zip(target.parameters(), online.parameters(), strict=True):
         slow.lerp_(fast, 1.0 - polyak)

@@ -18,7 +18,7 @@ from src.actors.actor import Actor
 from src.actors.health import NOTHING_SPIKES, ActorHealth
 from src.actors.mlp_actor import MLPActor
 from src.algorithms.critic import TwinCritic
-from src.algorithms.learner import Learner, Minibatches, UpdateStreams, adam, follow
+from src.algorithms.learner import Learner, Minibatches, UpdateStreams, adam, polyak_update
 from src.algorithms.metrics import BurstRecord
 from src.algorithms.policy import DeterministicPolicy, LogStdNetwork
 from src.algorithms.td3 import critic_loss
@@ -171,5 +171,5 @@ class SAC(Learner):
             if health is not None:
                 self.record_health(record, health)
 
-            follow(self.target_critic, self.critic, config.polyak)
+            polyak_update(self.target_critic, self.critic, config.polyak)
         return record.means()

@@ -14,7 +14,7 @@ from torch import Tensor
 
 from src.actors.actor import Actor
 from src.algorithms.critic import TwinCritic
-from src.algorithms.learner import Learner, Minibatch, Minibatches, UpdateStreams, adam, follow
+from src.algorithms.learner import Learner, Minibatch, Minibatches, UpdateStreams, adam, polyak_update
 from src.algorithms.metrics import BurstRecord
 from src.algorithms.policy import DeterministicPolicy
 from src.config import TD3Config
@@ -44,7 +44,7 @@ def actor_loss(first_value: Tensor) -> Tensor:
     return -first_value.mean(-1)
 
 
-def moves_actor(update: int, delay: int) -> bool:
+def is_policy_update(update: int, delay: int) -> bool:
     """Whether the actor and the targets move at an update, counted over the run from 0: every ``delay``-th does."""
     return update % delay == 0
 
@@ -112,7 +112,7 @@ class TD3(Learner):
             record.add("critic_loss", loss)
             record.add_values(values)
 
-            if moves_actor(self.critic_updates, config.policy_delay):
+            if is_policy_update(self.critic_updates, config.policy_delay):
                 with_health = self.actor_updates == actor_updates_before  # the first of the burst
                 raw, health = self.actor_pass(batch.observation, with_health)
                 first_value, _ = self.critic(batch.observation, self.policy.squash(raw))
@@ -134,5 +134,5 @@ class TD3(Learner):
 
     def follow_targets(self) -> None:
         """The targets' step: ``target <- polyak * target + (1 - polyak) * online``."""
-        follow(self.target_policy, self.policy, self.config.polyak)
-        follow(self.target_critic, self.critic, self.config.polyak)
+        polyak_update(self.target_policy, self.policy, self.config.polyak)
+        polyak_update(self.target_critic, self.critic, self.config.polyak)

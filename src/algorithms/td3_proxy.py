@@ -18,7 +18,7 @@ from torch import Tensor
 from src.actors.actor import Actor
 from src.actors.mlp import EnsembleMLP
 from src.algorithms.critic import TwinCritic
-from src.algorithms.learner import Minibatch, Minibatches, UpdateStreams, adam, follow
+from src.algorithms.learner import Minibatch, Minibatches, UpdateStreams, adam, polyak_update
 from src.algorithms.metrics import BurstRecord
 from src.algorithms.policy import DeterministicPolicy
 from src.algorithms.td3 import TD3
@@ -92,4 +92,4 @@ class TD3Proxy(TD3):
 
     def follow_targets(self) -> None:
         """The target critics' step; the proxy follows the actor by imitation."""
-        follow(self.target_critic, self.critic, self.config.polyak)
+        polyak_update(self.target_critic, self.critic, self.config.polyak)

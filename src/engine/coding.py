@@ -13,8 +13,8 @@ from src.engine.jit import kernel
 from src.engine.memory import floats
 
 ZERO, ONE, MINUS_HALF = np.float32(0), np.float32(1), np.float32(-0.5)
-LOWEST = np.float32(-87.33655)  # the largest exponent whose exponential is denormal
-FAR = np.float32(1)  # stands for exponents up to there; no other is positive
+LOWEST = np.float32(-87.33655)  # the argmax_branch exponent whose exponential is denormal
+UNDERFLOW_MARK = np.float32(1)  # stands for exponents up to there; no other is positive
 TWO_TO_MINUS_24 = np.float32(2.0**-24)
 M0, M1, W0, W1 = (np.uint64(word) for word in (0xD2511F53, 0xCD9E8D57, 0x9E3779B9, 0xBB67AE85))
 MASK, HALF, NONE, EIGHT = np.uint64(0xFFFFFFFF), np.uint64(32), np.uint64(0), np.uint32(8)
@@ -70,7 +70,7 @@ def field_exponents(samples, inputs, fields, observation, mean, std, distance, e
     """Fill ``s - mu`` and ``-(s - mu)^2 / (2 sigma^2)``, ``[B, N, J]``, from ``[B, N]`` and twice ``[N, J]``, given by
     their addresses.
 
-    Exponents up to LOWEST become FAR: an exponential that underflows would take fifty times as long.
+    Exponents up to LOWEST become UNDERFLOW_MARK: an exponential that underflows would take fifty times as long.
     """
     observation = floats(observation, (samples, inputs))
     mean, std = floats(mean, (inputs, fields)), floats(std, (inputs, fields))
@@ -87,7 +87,7 @@ def field_exponents(samples, inputs, fields, observation, mean, std, distance, e
                 d = s - mean[i, j]
                 distance[b, i, j] = d
                 e = d * d * factor[i, j]
-                exponent[b, i, j] = FAR if e <= LOWEST else e  # NaN propagates
+                exponent[b, i, j] = UNDERFLOW_MARK if e <= LOWEST else e  # NaN propagates
 
 
 @kernel(void(int64, int64))

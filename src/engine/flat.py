@@ -43,7 +43,7 @@ class FlatParameters:
                 "train with backend=plain"
             )
 
-    def follow(self, online: FlatParameters, polyak: float) -> None:
+    def polyak_update(self, online: FlatParameters, polyak: float) -> None:
         """Polyak averaging of a target network: ``target <- polyak * target + (1 - polyak) * online``."""
         self.values.lerp_(online.values, 1.0 - polyak)
 

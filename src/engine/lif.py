@@ -14,9 +14,9 @@ from src.engine.jit import inner
 
 @inner
 def scan(  # type: ignore[no-untyped-def]
-    currents, branch_bias, bias, lateral, offsets, constants, spikes, potentials, largest
+    currents, branch_bias, bias, lateral, offsets, constants, spikes, potentials, argmax_branch
 ):
-    """Fill ``spikes``; and ``potentials`` and ``largest`` where they are not empty (acting needs neither).
+    """Fill ``spikes``; and ``potentials`` and ``argmax_branch`` where they are not empty (acting needs neither).
 
     Shapes: currents ``[T, B, d, n]``, branch_bias ``[d, n]`` or empty (added in place), bias ``[n]``, lateral
     ``[K, n]``, offsets ``[K]``, the others ``[T, B, n]``.
@@ -66,22 +66,22 @@ def scan(  # type: ignore[no-untyped-def]
             if keep:
                 rows.copy(potentials[t, b], v)
                 if dendrites > 1:
-                    rows.copy(largest[t, b], branch)
+                    rows.copy(argmax_branch[t, b], branch)
 
 
 @inner
 def scan_gradient(  # type: ignore[no-untyped-def]
-    grad, spikes, potentials, largest, lateral, offsets, constants, grad_currents, grad_branch_bias, grad_bias,
+    grad, spikes, potentials, argmax_branch, lateral, offsets, constants, grad_currents, grad_branch_bias, grad_bias,
     grad_lateral,
 ):  # fmt: skip
     """Fill ``grad_currents`` and add to ``grad_branch_bias``, ``grad_bias`` and ``grad_lateral``.
 
-    Shapes as in the forward kernel, ``grad`` as ``spikes``; ``reset`` and ``through_lateral`` are 1 or 0: whether the
+    Shapes as in the forward kernel, ``grad`` as ``spikes``; ``reset`` and ``lateral_gradient`` are 1 or 0: whether the
     reset and the lateral term carry gradient to the spikes of the step before.
     """
     current_decay, voltage_decay = constants["current_decay"], constants["voltage_decay"]
     threshold = constants["threshold"]
-    window, reset, through_lateral = constants["window"], constants["reset"], constants["through_lateral"]
+    window, reset, lateral_gradient = constants["window"], constants["reset"], constants["lateral_gradient"]
     steps, samples, dendrites, n = grad_currents.shape
     neighbours = lateral.shape[0]
     radius = 0
@@ -114,7 +114,7 @@ def scan_gradient(  # type: ignore[no-untyped-def]
                 while k < neighbours:
                     rows.add_product(grad_lateral[k], gv, padded_o[radius + offsets[k] :])
                     k += 1
-                if through_lateral > 0:
+                if lateral_gradient > 0:
                     k = 0
                     while k + 3 < neighbours:
                         rows.add_four_shifted(
@@ -131,6 +131,6 @@ def scan_gradient(  # type: ignore[no-untyped-def]
                 rows.copy(grad_currents[t, b, 0], gc)
             else:
                 for m in range(dendrites):
-                    rows.branch_gradient(grad_currents[t, b, m], gc, largest[t, b], np.int8(m))
+                    rows.branch_gradient(grad_currents[t, b, m], gc, argmax_branch[t, b], np.int8(m))
                 for m in range(grad_branch_bias.shape[0]):
                     rows.add(grad_branch_bias[m], grad_currents[t, b, m])

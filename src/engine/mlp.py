@@ -73,10 +73,10 @@ class BoundMLP(NotCopyable):
         return [x, *outputs]
 
     def vjp(self, saved: Saved, grad_outputs: Tensor, with_input: bool = False) -> Tensor | None:
-        """Fill the parameters' gradients from that to the outputs ``[E, B, out]``; that to the input if wanted."""
+        """Given the gradient w.r.t. the outputs ``[E, B, out]``, fill the parameters'; give the input's if wanted."""
         if grad_outputs.shape != saved.hidden[-1].shape or grad_outputs.dtype != torch.float32:
             found = f"{[*grad_outputs.shape]}, {grad_outputs.dtype}"
-            raise ValueError(f"the outputs are {[*saved.hidden[-1].shape]}, float32; the gradient to them {found}")
+            raise ValueError(f"the outputs are {[*saved.hidden[-1].shape]}, float32; the gradient w.r.t. them {found}")
         grad_outputs, x = grad_outputs.contiguous(), saved.hidden[0]
         grad_input = torch.empty_like(x) if with_input else None
         hidden = np.array([h.data_ptr() for h in saved.hidden], np.int64)
@@ -100,15 +100,17 @@ class BoundMLP(NotCopyable):
         mlp_kernels.squared_error_step(self._sgemm, self.ensemble, len(x), self._layers, *addresses)
         return outputs, loss[0]
 
-    def minimum_input_gradient(self, x: Tensor, first: int, scale: float, members: int) -> tuple[Tensor, Tensor]:
+    def minimum_input_gradient(
+        self, x: Tensor, first_column: int, scale: float, networks: int
+    ) -> tuple[Tensor, Tensor]:
         """The gradient of ``scale * sum over B of min over the first E' networks of the output`` to columns of x.
 
-        Returns the outputs ``[E', B]`` and that gradient to the columns from ``first`` on.
+        Returns the outputs ``[E', B]`` and that gradient to the columns from ``first_column`` on.
         """
         x = self._checked(x)
-        outputs, gradient = x.new_empty(members, len(x)), x.new_empty(len(x), x.shape[1] - first)
-        addresses = (x.data_ptr(), scale, outputs.data_ptr(), gradient.data_ptr(), first, x.shape[1])
-        mlp_kernels.minimum_input_gradient(self._sgemm, members, len(x), self._layers, *addresses)
+        outputs, gradient = x.new_empty(networks, len(x)), x.new_empty(len(x), x.shape[1] - first_column)
+        addresses = (x.data_ptr(), scale, outputs.data_ptr(), gradient.data_ptr(), first_column, x.shape[1])
+        mlp_kernels.minimum_input_gradient(self._sgemm, networks, len(x), self._layers, *addresses)
         return outputs, gradient
 
     def _checked(self, x: Tensor) -> Tensor:

@@ -59,7 +59,7 @@ def _sum_rows(g, total):  # type: ignore[no-untyped-def]
 
 @inner
 def _widest(layers):  # type: ignore[no-untyped-def]
-    """The largest number of neurons of a layer, the input included."""
+    """The argmax_branch number of neurons of a layer, the input included."""
     widest = layers[0]["inputs"]
     for k in range(layers.shape[0]):
         widest = max(widest, layers[k]["outputs"])
@@ -91,7 +91,7 @@ def _forward(sgemm, E, B, layers, hidden, final_relu):  # type: ignore[no-untype
 def _backward(  # type: ignore[no-untyped-def]
     sgemm, E, B, layers, hidden, grad_outputs, final_relu, wants_parameters, grad_input, input_start, input_stop
 ):
-    """From the output's gradient ``[E, B, n_L]`` to those of the parameters and of some columns of the input.
+    """Given the gradient w.r.t. the outputs ``[E, B, n_L]``, fill the parameters' and some columns of the input's.
 
     Where ``wants_parameters`` is 0 those are skipped; a ``grad_input`` of 0 skips the input's: else it is
     ``[B, input_stop - input_start]``, summed over the networks.

@@ -37,7 +37,7 @@ SPIKING_TRACE = np.dtype(
     _integers(
         "spikes",  # [G, T, B, n]
         "potentials",  # [saved, T, B, n]
-        "largest",  # the largest branch, [saved, T, B, n], int8
+        "argmax_branch",  # the argmax_branch branch, [saved, T, B, n], int8
         "branch_weights",  # of this pass, [d*n, inputs]
     )
 )
@@ -46,7 +46,7 @@ SPIKING_TRACE = np.dtype(
 NEURON_CONSTANTS = np.dtype(
     [
         (name, np.float32)
-        for name in ("current_decay", "voltage_decay", "threshold", "window", "reset", "through_lateral")
+        for name in ("current_decay", "voltage_decay", "threshold", "window", "reset", "lateral_gradient")
     ]
 )
 
@@ -71,9 +71,9 @@ SPIKING_GRADIENT = np.dtype(
         "samples",
         "actions",  # M
         "input_spikes",  # [T, B, inputs]
-        "grad_raw",  # the gradient to the raw action, [B, M]
+        "grad_raw",  # gradient w.r.t. the raw action, [B, M]
         "decoder",  # [M, P]
-        "grad_strength",  # the gradient to the stimulation strength, [B, inputs]; 0: not wanted
+        "grad_strength",  # gradient w.r.t. the stimulation strength, [B, inputs]; 0: not wanted
     )
 )
 

@@ -112,7 +112,7 @@ def fire(o, v, threshold):  # type: ignore[no-untyped-def]
 
 @elementwise
 def membrane_gradient(gv, g, v, o, voltage_decay, threshold, window, reset):  # type: ignore[no-untyped-def]
-    """Gradient to v_tau from that to o_tau and, through decay and reset, from that to v_(tau+1) (``gv`` before)."""
+    """Gradient w.r.t. v_tau from those w.r.t. o_tau and, through decay and reset, v_(tau+1) (``gv`` before)."""
     for j in range(gv.shape[0]):
         through_spike = g[j] - reset * voltage_decay * v[j] * gv[j]
         through_spike = through_spike if abs(v[j] - threshold) < window else ZERO
@@ -128,7 +128,7 @@ def current_gradient(gc, gv, decay):  # type: ignore[no-untyped-def]
 
 @elementwise
 def branch_gradient(gz, gc, branch, index):  # type: ignore[no-untyped-def]
-    """The gradient goes to the branch that was the largest."""
+    """The gradient goes to the branch that was the argmax_branch."""
     for j in range(gz.shape[0]):
         value = gc[j]  # loaded unconditionally, or the loop is not SIMD
         gz[j] = value if branch[j] == index else ZERO

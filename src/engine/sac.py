@@ -22,7 +22,7 @@ from src.engine.binding import bind, record_health
 from src.engine.flat import FlatAdam, FlatParameters
 from src.engine.mlp import BoundMLP
 
-#: From the gradients to mean and log-std, ``[B, M]``, to those of the parameters, filled.
+#: Takes the gradients w.r.t. mean and log-std, ``[B, M]``; fills those w.r.t. the parameters.
 HeadsVJP = Callable[[Tensor, Tensor], None]
 
 
@@ -88,36 +88,38 @@ class FastSAC(sac.SAC):
         for index, (observation, _, reward, next_observation, terminated) in enumerate(zip(*burst)):
             both = torch.stack([next_observation, observation])
             means, log_stds, health, vjp_fn = (self._heads if self._shared_trunk else self._networks)(both, index == 0)
-            following = tanh_gaussian.sample(means[0], log_stds[0], noise[0, index], self._bounds)
-            own = tanh_gaussian.sample(means[1], log_stds[1], noise[1, index], self._bounds)
-            next_inputs = torch.cat([next_observation, following.action], dim=-1)
+            next_drawn = tanh_gaussian.sample(means[0], log_stds[0], noise[0, index], self._bounds)
+            drawn = tanh_gaussian.sample(means[1], log_stds[1], noise[1, index], self._bounds)
+            next_inputs = torch.cat([next_observation, next_drawn.action], dim=-1)
             next_values = self._target_critic.forward(next_inputs).squeeze(-1)
-            target = sac.bellman_target(reward, terminated, next_values, following.log_probability, c.discount, c.alpha)
+            target = sac.bellman_target(
+                reward, terminated, next_values, next_drawn.log_probability, c.discount, c.alpha
+            )
             values, loss = self._critic.squared_error_step(inputs[index], target)
             self.optimizers["critic"].step()
             self.critic_updates += 1
             record.add("critic_loss", loss)
             record.add_values(values)
-            own_inputs = torch.cat([observation, own.action], dim=-1)
+            drawn_inputs = torch.cat([observation, drawn.action], dim=-1)
             values, grad_action = self._critic.minimum_input_gradient(
-                own_inputs, observation.shape[1], -1.0 / batch, members=2
+                drawn_inputs, observation.shape[1], -1.0 / batch, networks=2
             )
-            record.add_samples(own.log_probability, values)
-            vjp_fn(*tanh_gaussian.gradient(own, grad_action, grad_log_probability, self._bounds))
+            record.add_samples(drawn.log_probability, values)
+            vjp_fn(*tanh_gaussian.gradient(drawn, grad_action, grad_log_probability, self._bounds))
             for name in ("actor",) if self._shared_trunk else ("actor", "log_std"):
                 self.optimizers[name].step()
             self.policy.actor.project()
             self.actor_updates += 1
             if health is not None:
                 record_health(record, health, self.policy.actor, self.flat["actor"])
-            self.flat["target_critic"].follow(self.flat["critic"], c.polyak)
+            self.flat["target_critic"].polyak_update(self.flat["critic"], c.polyak)
         log_probability, values = record.samples()
         record.add("actor_loss", sac.actor_loss(log_probability, values, c.alpha))
         record.add("log_probability", log_probability.mean(-1))
         return record.means()
 
     def _networks(self, observation: Tensor, with_health: bool) -> tuple[Tensor, Tensor, ActorHealth | None, HeadsVJP]:
-        """Means and log-stds ``[2, B, M]`` by a network each; the last takes the gradients to those of the second."""
+        """Means and log-stds ``[2, B, M]`` by a network each; the VJP is that of the second minibatch."""
         means, health, vjp_mean = self._actor.vjp(observation, self.streams.encoder, with_health)
         saved = self._log_std.forward_saving(observation.flatten(0, 1))
         last = saved.last(observation.shape[1])

@@ -162,7 +162,9 @@ class BoundSpikingActor(BoundActor):
         learns = encoder.mean in grads  # type: ignore[comparison-overlap]
         if grad_raw.shape != (samples, len(decoder.weight)) or grad_raw.dtype != torch.float32:
             found = f"{[*grad_raw.shape]}, {grad_raw.dtype}"
-            raise ValueError(f"the raw action is {[samples, len(decoder.weight)]}, float32; the gradient to it {found}")
+            raise ValueError(
+                f"the raw action is {[samples, len(decoder.weight)]}, float32; the gradient w.r.t. it {found}"
+            )
         grad_raw = grad_raw.contiguous()
         torch.sum(grad_raw.unsqueeze(-1) * workspace.rates[-samples:], 0, out=grads[decoder.weight])
         torch.sum(grad_raw, 0, out=grads[decoder.bias])

@@ -1,6 +1,6 @@
 """A whole spiking network in one call, each direction: branch weights, products, scans, firing rates.
 
-The currents and their gradient, the largest arrays, live inside the call only. Arguments are records of
+The currents and their gradient, the argmax_branch arrays, live inside the call only. Arguments are records of
 :mod:`src.engine.records`; the equations are those of :mod:`src.actors`.
 """
 
@@ -35,12 +35,12 @@ def _branch_weights(layer, trace):  # type: ignore[no-untyped-def]
 
 @inner
 def _layer_forward(sgemm, x, layer, trace, constants, offsets, groups, steps, samples, saved):  # type: ignore[no-untyped-def]
-    """Spikes ``[G, T, B, n]`` of the input ``[G*T*B, inputs]``; potentials and largest branches of the saved."""
+    """Spikes ``[G, T, B, n]`` of the input ``[G*T*B, inputs]``; potentials and argmax_branch branches of the saved."""
     n, branches, neighbours = layer["neurons"], layer["branches"], layer["neighbours"]
     by_branch = layer["bias_per_branch"]
     spikes = floats(trace["spikes"], (groups, steps, samples, n))
     potentials = floats(trace["potentials"], (saved, steps, samples, n))
-    largest = bytes_(trace["largest"], (saved if branches > 1 else 0, steps, samples, n))
+    argmax_branch = bytes_(trace["argmax_branch"], (saved if branches > 1 else 0, steps, samples, n))
     branch_bias = floats(layer["bias"], (branches if by_branch else 0, n))
     bias = np.zeros(n, np.float32) if by_branch else floats(layer["bias"], (n,))
     lateral = floats(layer["lateral"], (neighbours, n))
@@ -58,7 +58,7 @@ def _layer_forward(sgemm, x, layer, trace, constants, offsets, groups, steps, sa
         scan(
             by_group[g], branch_bias, bias, lateral, offsets, constants, spikes[g],
             potentials[index] if index >= 0 else nothing,
-            largest[index] if index >= 0 and branches > 1 else no_branch,
+            argmax_branch[index] if index >= 0 and branches > 1 else no_branch,
         )  # fmt: skip
     return spikes.reshape(count, n)
 
@@ -92,10 +92,10 @@ def network_forward(passes, layers, traces, all_constants, offsets):  # type: ig
 def _layer_backward(  # type: ignore[no-untyped-def]
     sgemm, grad, x, layer, trace, constants, offsets, coding_gradient, grad_input
 ):
-    """From the gradient to the spikes ``[T, B, n]`` (overwritten) to those of the parameters.
+    """Given the gradient w.r.t. the spikes ``[T, B, n]`` (overwritten), fill the parameters'.
 
-    And to the input, ``[T*B, inputs]``, or with a ``coding_gradient`` ``[1, T]`` to the strength ``[B, inputs]`` that x
-    encodes; to neither where ``grad_input`` is empty.
+    And the input's, ``[T*B, inputs]``, or with a ``coding_gradient`` ``[1, T]`` that of the strength ``[B, inputs]``
+    that x encodes; neither where ``grad_input`` is empty.
     """
     steps, samples, n = grad.shape
     inputs, branches, neighbours = layer["inputs"], layer["branches"], layer["neighbours"]
@@ -117,7 +117,7 @@ def _layer_backward(  # type: ignore[no-untyped-def]
         grad,
         floats(trace["spikes"], (steps, samples, n)),
         floats(trace["potentials"], (steps, samples, n)),
-        bytes_(trace["largest"], (steps if branches > 1 else 0, samples, n)),
+        bytes_(trace["argmax_branch"], (steps if branches > 1 else 0, samples, n)),
         floats(layer["lateral"], (neighbours, n)),
         offsets, constants, grad_currents.reshape(steps, samples, branches, n), grad_branch_bias, grad_bias,
         grad_lateral,
@@ -142,7 +142,7 @@ def _layer_backward(  # type: ignore[no-untyped-def]
 
 @kernel(void(SPIKING_GRADIENTS, SPIKING_LAYERS, SPIKING_TRACES, CONSTANTS_ARRAY, int64[::1], float32[:, ::1]))
 def network_backward(gradients, layers, traces, all_constants, offsets, coding_gradient):  # type: ignore[no-untyped-def]
-    """From the gradient to the raw action to those of all layers' parameters and of the stimulation strength.
+    """Given the gradient w.r.t. the raw action, fill those w.r.t. all layers' parameters and the stimulation strength.
 
     ``coding_gradient`` is ``d spike_tau / d A``, ``[1, T]``.
     """

@@ -43,7 +43,7 @@ def sample(mean: Tensor, log_std: Tensor, noise: Tensor, bounds: Bounds) -> Samp
 
 
 def gradient(drawn: Sample, grad_action: Tensor, grad_log_probability: Tensor, bounds: Bounds) -> tuple[Tensor, Tensor]:
-    """From the gradients to action ``[B, M]`` and log-probability ``[B]`` to those of mean and log-std, ``[B, M]``."""
+    """Gradients w.r.t. mean and log-std ``[B, M]`` from those w.r.t. action ``[B, M]`` and log-probability ``[B]``."""
     samples, size = drawn.action.shape
     grad_mean, grad_log_std = torch.empty_like(drawn.action), torch.empty_like(drawn.action)
     inputs = (grad_action.data_ptr(), grad_log_probability.data_ptr(), drawn.log_std.data_ptr())
@@ -83,7 +83,7 @@ def _sample(  # type: ignore[no-untyped-def]
 def _gradient(  # type: ignore[no-untyped-def]
     samples, size, grad_action, grad_log_probability, log_std, low, high, limit, saved, grad_mean, grad_log_std
 ):
-    """Fill the gradients to mean and log_std; none to a log_std out of its bounds. Arrays come by address."""
+    """Fill the gradients w.r.t. mean and log_std; none for a log_std out of its bounds. Arrays come by address."""
     shape = (samples, size)
     grad_action, log_std = floats(grad_action, shape), floats(log_std, shape)
     grad_mean, grad_log_std = floats(grad_mean, shape), floats(grad_log_std, shape)

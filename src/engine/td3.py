@@ -56,7 +56,7 @@ class FastTD3(td3.TD3):
                 burst.next_observation[part], noise[part], burst.reward[part], burst.terminated[part]
             )
             for index, target in zip(group, targets):
-                moves = td3.moves_actor(self.critic_updates, c.policy_delay)
+                moves = td3.is_policy_update(self.critic_updates, c.policy_delay)
                 values, loss = self._critic.squared_error_step(inputs[index], target)
                 self.optimizers["critic"].step()
                 self.critic_updates += 1
@@ -85,8 +85,8 @@ class FastTD3(td3.TD3):
         (raw,), health, vjp_fn = self._actor.vjp(observation.unsqueeze(0), self.streams.encoder, with_health)
         squashed = torch.tanh(raw)
         inputs = torch.cat([observation, squashed * self.action_limit], dim=-1)
-        scale, first = -1.0 / len(inputs), observation.shape[1]
-        first_value, grad_action = self._critic.minimum_input_gradient(inputs, first, scale, members=1)
+        scale, first_column = -1.0 / len(inputs), observation.shape[1]
+        first_value, grad_action = self._critic.minimum_input_gradient(inputs, first_column, scale, networks=1)
         record.add_samples(first_value[0])
         vjp_fn(torch.ops.aten.tanh_backward(grad_action * self.action_limit, squashed))
         self.optimizers["actor"].step()
@@ -94,8 +94,8 @@ class FastTD3(td3.TD3):
         self.actor_updates += 1
         if health is not None:
             record_health(record, health, self.policy.actor, self.flat["actor"])
-        self.flat["target_actor"].follow(self.flat["actor"], self.config.polyak)
-        self.flat["target_critic"].follow(self.flat["critic"], self.config.polyak)
+        self.flat["target_actor"].polyak_update(self.flat["actor"], self.config.polyak)
+        self.flat["target_critic"].polyak_update(self.flat["critic"], self.config.polyak)
 
 
 def target_groups(first: int, count: int, delay: int) -> Iterator[range]:
@@ -105,6 +105,6 @@ def target_groups(first: int, count: int, delay: int) -> Iterator[range]:
     """
     start = 0
     for index in range(count):
-        if td3.moves_actor(first + index, delay) or index == count - 1:
+        if td3.is_policy_update(first + index, delay) or index == count - 1:
             yield range(start, index + 1)
             start = index + 1

@@ -17,7 +17,7 @@ from src.experiment.files import last_return, last_row
 from src.experiment.plan import NAMED, Plan, PlannedRun
 from src.experiment.progress import duration, number, time_left
 from src.experiment.run_directory import ManifestError, RunState
-from src.experiment.state import Action, ExitCode, RunResult, exit_code
+from src.experiment.state import ExitCode, Next, RunResult, exit_code
 from src.paths import shown_path
 
 _REFRESH_SECONDS = 2.0
@@ -31,15 +31,22 @@ def show_plan(plan: Plan, console: Console, jobs_at_once: int, with_cost: bool) 
     studies = sorted({shown_path(each.run.path.parents[5]) for each in plan.runs})
     console.print(
         f"{len(plan.runs)} run{'s' * (len(plan.runs) != 1)} in {', '.join(studies)}: {len(plan.to_do)} to do, "
-        f"{counts[Action.SKIP] + counts[Action.DIVERGED]} done, {counts[Action.BUSY]} busy",
+        f"{counts[Next.SKIP] + counts[Next.DIVERGED]} done, {counts[Next.BUSY]} busy",
         highlight=False,
         soft_wrap=True,
     )
     if len(plan.runs) > 1:
-        console.print(_plan_table(plan, [action for action in Action if counts[action]]))
+        console.print(_plan_table(plan, [action for action in Next if counts[action]]))
     else:
         _print(console, shown_path(plan.runs[0].run.path))
-    for action in (Action.RESUME, Action.RETRY, Action.EXTEND, Action.REPLACE, Action.DIVERGED, Action.BUSY):
+    for action in (
+        Next.RESUME,
+        Next.RETRY,
+        Next.EXTEND,
+        Next.REPLACE,
+        Next.DIVERGED,
+        Next.BUSY,
+    ):
         concerned = plan.having(action)
         for each in concerned[:NAMED]:
             _print(console, f"{action}: {each.name} ({each.next.reason})")
@@ -49,13 +56,13 @@ def show_plan(plan: Plan, console: Console, jobs_at_once: int, with_cost: bool) 
         _show_cost(plan, console, jobs_at_once)
 
 
-def _plan_table(plan: Plan, present: Sequence[Action]) -> Table:
+def _plan_table(plan: Plan, present: Sequence[Next]) -> Table:
     table = Table(box=None, pad_edge=False, header_style="bold")
     for column in ("algo", "env", "actor", "encoder"):
         table.add_column(column, overflow="fold")
     for action in present:
         table.add_column(action.value, justify="right")
-    groups: dict[tuple[str, ...], Counter[Action]] = {}
+    groups: dict[tuple[str, ...], Counter[Next]] = {}
     for each in plan.runs:
         groups.setdefault(each.run.path.parts[-5:-1], Counter())[each.next.action] += 1
     for names, actions in groups.items():
@@ -64,7 +71,7 @@ def _plan_table(plan: Plan, present: Sequence[Action]) -> Table:
 
 
 def _show_cost(plan: Plan, console: Console, jobs_at_once: int) -> None:
-    fresh = {Action.RUN, Action.REPLACE}
+    fresh = {Next.RUN, Next.REPLACE}
     runs = [(each.run.config, 0 if each.next.action in fresh else each.next.step) for each in plan.to_do]
     estimate = cost(runs, jobs_at_once)
     basis = (

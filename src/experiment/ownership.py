@@ -33,7 +33,7 @@ from src.experiment.run_directory import (
     RunState,
     now,
 )
-from src.experiment.state import Action, NextAction, alive_elsewhere, next_action
+from src.experiment.state import Next, NextAction, alive_elsewhere, next_action
 
 #: How long taking the lock is tried: a plan or a status may look at it for an instant.
 ACQUIRE_SECONDS = 3.0
@@ -65,12 +65,12 @@ def acquire(run: Run) -> Iterator[tuple[RunDirectory, NextAction]]:
     except Timeout:
         raise BusyError(f"{run.name}: held by a live process") from None
     try:
-        if not wait_for_silence(directory):
+        if not wait_for_stale_heartbeat(directory):
             raise BusyError(f"{run.name}: running on another machine")
         found = next_action(run, lock_is_ours=True)
-        if found.action is Action.CONFLICT:
+        if found.action is Next.CONFLICT:
             raise ConfigurationError(conflict_message(run, found))
-        if found.action not in (Action.SKIP, Action.DIVERGED):
+        if found.action not in (Next.SKIP, Next.DIVERGED):
             directory.remove_leftovers()
             directory.reserve()
             # replaced as a whole: a torn one would look like another machine's
@@ -89,7 +89,7 @@ def conflict_message(run: Run, found: NextAction) -> str:
     )
 
 
-def wait_for_silence(directory: RunDirectory, sleep: Callable[[float], None] = time.sleep) -> bool:
+def wait_for_stale_heartbeat(directory: RunDirectory, sleep: Callable[[float], None] = time.sleep) -> bool:
     """With the lock held: wait until another machine's sign of life is old (True) or has moved (False: it lives)."""
     first = current = directory.read_manifest()
     while alive_elsewhere(directory.path, current):
@@ -126,7 +126,7 @@ def prepare(run: Run, directory: RunDirectory, found: NextAction) -> None:
         dirty=dirty,
         processor=machine.processor(),
     )
-    if found.action in (Action.RUN, Action.REPLACE):
+    if found.action in (Next.RUN, Next.REPLACE):
         _clear(directory)
         directory.write_config(run)
         directory.write_manifest(fresh)
@@ -136,7 +136,7 @@ def prepare(run: Run, directory: RunDirectory, found: NextAction) -> None:
 
 def _resumed(directory: RunDirectory, fresh: Manifest, found: NextAction) -> Manifest:
     old = directory.manifest
-    notes = [f"extended from {old.step} to {fresh.total_steps} steps"] if found.action is Action.EXTEND else []
+    notes = [f"extended from {old.step} to {fresh.total_steps} steps"] if found.action is Next.EXTEND else []
     for key in ("processor", "commit"):
         before = getattr(old, key)
         after = getattr(fresh, key)
@@ -203,7 +203,7 @@ def record_death(run: Run, killed: str, unfinished: Sequence[RunState] = (RunSta
             return
         manifest = directory.read_manifest()
         if manifest is None:
-            prepare(run, directory, NextAction(Action.RUN))
+            prepare(run, directory, NextAction(Next.RUN))
         elif manifest.status not in unfinished:
             return
         last = directory.manifest

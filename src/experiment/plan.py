@@ -11,7 +11,7 @@ from src.config.identity import Run, differences, flatten, hashed_values
 from src.experiment.checks import check_devices, check_installed
 from src.experiment.ownership import conflict_message
 from src.experiment.run_directory import ManifestError, RunDirectory
-from src.experiment.state import TO_DO, Action, NextAction, next_action
+from src.experiment.state import TO_DO, Next, NextAction, next_action
 
 #: So many runs are named one by one; the rest is counted.
 NAMED = 10
@@ -40,7 +40,7 @@ class Plan(NamedTuple):
         """The runs that start a job."""
         return tuple(each for each in self.runs if each.next.action in TO_DO)
 
-    def having(self, action: Action) -> tuple[PlannedRun, ...]:
+    def having(self, action: Next) -> tuple[PlannedRun, ...]:
         """The runs with this action."""
         return tuple(each for each in self.runs if each.next.action is action)
 
@@ -61,7 +61,7 @@ def make_plan(runs: Sequence[Run], gpus_here: bool = False) -> Plan:
         check_devices(run.config for run in runs)
     _refuse_shared_directories(runs)
     plan = Plan(tuple(PlannedRun(run, RunDirectory(run.path), next_action(run)) for run in runs))
-    _refuse([conflict_message(each.run, each.next) for each in plan.having(Action.CONFLICT)])
+    _refuse([conflict_message(each.run, each.next) for each in plan.having(Next.CONFLICT)])
     _refuse(list(_mixed_seeds(runs)))
     return plan
 

@@ -205,7 +205,7 @@ class RunDirectory:
             file.unlink(missing_ok=True)
 
     def reserve(self) -> None:
-        """Set space aside for the last words of a run that dies of a full disk.
+        """Set space aside for the failure record of a run that dies of a full disk.
 
         Raises:
             OSError: there is no space even for that.

@@ -51,7 +51,7 @@ class Outcome(NamedTuple):
     message: str = ""
 
 
-class Action(StrEnum):
+class Next(StrEnum):
     """What the plan does with a run."""
 
     RUN = "run"  # nothing there yet
@@ -66,18 +66,18 @@ class Action(StrEnum):
 
 
 #: Actions that start a job.
-TO_DO = frozenset({Action.RUN, Action.RESUME, Action.RETRY, Action.EXTEND, Action.REPLACE})
+TO_DO = frozenset({Next.RUN, Next.RESUME, Next.RETRY, Next.EXTEND, Next.REPLACE})
 
 
 class NextAction(NamedTuple):
     """``reason`` says why, for a person; ``step`` is where the run stands."""
 
-    action: Action
+    action: Next
     reason: str = ""
     step: int = 0
 
 
-class Observation(NamedTuple):
+class RunInspection(NamedTuple):
     """What a run directory holds: ``why`` explains the state, ``held`` says who is at it, if anybody is."""
 
     state: RunState
@@ -91,7 +91,7 @@ class Observation(NamedTuple):
         return self.manifest.step if self.manifest else 0
 
 
-def observe(path: Path, lock_is_ours: bool = False) -> Observation:
+def inspect_run(path: Path, lock_is_ours: bool = False) -> RunInspection:
     """Read a run directory, which may be written at the same time.
 
     Args:
@@ -102,15 +102,15 @@ def observe(path: Path, lock_is_ours: bool = False) -> Observation:
     try:
         manifest = RunDirectory(path).read_manifest()
     except ManifestError as error:
-        return Observation(RunState.FAILED, None, str(error), held)
+        return RunInspection(RunState.FAILED, None, str(error), held)
     if manifest is None:
-        return Observation(RunState.RUNNING if held else RunState.NOT_STARTED, None, "", held)
+        return RunInspection(RunState.RUNNING if held else RunState.NOT_STARTED, None, "", held)
     if not held and not lock_is_ours and alive_elsewhere(path, manifest):
         held = f"running elsewhere, last sign of life {manifest.updated}"
     if manifest.status == RunState.RUNNING and not held:
-        return Observation(RunState.INTERRUPTED, manifest, "its process is gone")
+        return RunInspection(RunState.INTERRUPTED, manifest, "its process is gone")
     why = manifest.failure.message if manifest.failure else ""
-    return Observation(RunState(manifest.status), manifest, why, held)
+    return RunInspection(RunState(manifest.status), manifest, why, held)
 
 
 def held_here(path: Path) -> bool:
@@ -151,18 +151,18 @@ def next_action(run: Run, lock_is_ours: bool = False) -> NextAction:
         run: the run that is asked for.
         lock_is_ours: the caller holds the lock, so nobody else is at it.
     """
-    seen = observe(run.path, lock_is_ours)
+    seen = inspect_run(run.path, lock_is_ours)
     manifest = seen.manifest
     if seen.held:
-        return NextAction(Action.BUSY, seen.held, seen.step)
+        return NextAction(Next.BUSY, seen.held, seen.step)
     if manifest is None:
-        return NextAction(Action.RUN) if seen.state == RunState.NOT_STARTED else _conflict(run, seen.why, 0)
+        return NextAction(Next.RUN) if seen.state == RunState.NOT_STARTED else _conflict(run, seen.why, 0)
     if manifest.configuration_hash != run.configuration_hash:
         return _conflict(run, _difference(run, manifest), seen.step)
     asked = run.config.protocol.total_steps
     step = seen.step
     if seen.state == RunState.DIVERGED:
-        return NextAction(Action.DIVERGED, seen.why, step)
+        return NextAction(Next.DIVERGED, seen.why, step)
     if asked < step:
         return _conflict(run, f"protocol.total_steps={asked} is smaller than the {step} steps already done.", step)
     if seen.state == RunState.COMPLETE:
@@ -170,15 +170,15 @@ def next_action(run: Run, lock_is_ours: bool = False) -> NextAction:
     if seen.state == RunState.FAILED:
         if manifest.failure and manifest.failure.kind in DAMAGED and run.config.on_conflict == "replace":
             return _conflict(run, seen.why, step)
-        return NextAction(Action.RETRY, f"failed at step {step}" + (f": {seen.why}" if seen.why else ""), step)
-    return NextAction(Action.RESUME, f"stopped at about step {step}", step)
+        return NextAction(Next.RETRY, f"failed at step {step}" + (f": {seen.why}" if seen.why else ""), step)
+    return NextAction(Next.RESUME, f"stopped at about step {step}", step)
 
 
 def _after_the_end(run: Run, asked: int, step: int) -> NextAction:
     if asked == step:
-        return NextAction(Action.SKIP, "", step)
+        return NextAction(Next.SKIP, "", step)
     if RunDirectory(run.path).can_be_extended:
-        return NextAction(Action.EXTEND, f"from {step} to {asked} steps", step)
+        return NextAction(Next.EXTEND, f"from {step} to {asked} steps", step)
     reason = (
         f"it is complete at {step} steps and can't be extended to {asked}: its replay and checkpoint "
         "were not kept (keep_replay=true, given from the start, keeps them)."
@@ -188,8 +188,8 @@ def _after_the_end(run: Run, asked: int, step: int) -> NextAction:
 
 def _conflict(run: Run, reason: str, step: int) -> NextAction:
     if run.config.on_conflict == "replace":
-        return NextAction(Action.REPLACE, f"the old run is deleted when the job starts: {reason}", step)
-    return NextAction(Action.CONFLICT, reason, step)
+        return NextAction(Next.REPLACE, f"the old run is deleted when the job starts: {reason}", step)
+    return NextAction(Next.CONFLICT, reason, step)
 
 
 def _difference(run: Run, manifest: Manifest) -> str:
@@ -220,7 +220,7 @@ def result_of(run: Run, cause_of_death: str | None = None) -> RunResult:
         run: the run.
         cause_of_death: what a launcher saw, where the manifest may not know.
     """
-    seen = observe(run.path)
+    seen = inspect_run(run.path)
     log = run.path / "state" / "log.txt"
     if seen.manifest is None and seen.state == RunState.FAILED:
         return RunResult(run.name, RunState.FAILED, seen.why, run.path)

@@ -19,9 +19,9 @@ from src.experiment import process
 from src.experiment.ownership import BusyError, acquire, record_failure
 from src.experiment.progress import Heartbeat, PlainProgress, Progress
 from src.experiment.run_directory import Failure, RunDirectory, RunState, now
-from src.experiment.state import Action, ExitCode, Outcome
+from src.experiment.state import ExitCode, Next, Outcome
 
-_PLAIN = {
+_ERRNO_WORDS = {
     errno.ENOSPC: "the disk is full",
     errno.EDQUOT: "the disk quota is used up",
     errno.EROFS: "the file system is read-only",
@@ -56,9 +56,9 @@ def execute(run: Run, progress: Progress, also_stop: Callable[[], bool] | None =
 
 def _execute(run: Run, progress: Progress, also_stop: Callable[[], bool] | None) -> Outcome:
     with acquire(run) as (directory, found):
-        if found.action is Action.SKIP:
+        if found.action is Next.SKIP:
             return Outcome(RunState.COMPLETE, found.step, "already complete")
-        if found.action is Action.DIVERGED:
+        if found.action is Next.DIVERGED:
             return Outcome(RunState.DIVERGED, found.step, found.reason)
         heartbeat = Heartbeat(directory, progress)
         try:
@@ -116,8 +116,8 @@ def _record_error(directory: RunDirectory, heartbeat: Heartbeat, error: BaseExce
 
 def reason(error: BaseException) -> str:
     """An error in one line, in plain words where it is the file system's."""
-    if isinstance(error, OSError) and error.errno in _PLAIN:
-        return f"{_PLAIN[error.errno]} ({error})"
+    if isinstance(error, OSError) and error.errno in _ERRNO_WORDS:
+        return f"{_ERRNO_WORDS[error.errno]} ({error})"
     if isinstance(error, SystemExit):
         return f"the run called sys.exit({error.code})"
     first = str(error).strip().split("\n")[0]

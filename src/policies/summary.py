@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from src.policies.episode import Episode, Population
 from src.policies.operations import Operations
-from src.training.policy_file import Standing
+from src.training.policy_file import PolicyRecord
 
 
 def title(actor: str, task: str, episode: Episode) -> str:
@@ -14,16 +14,16 @@ def title(actor: str, task: str, episode: Episode) -> str:
     return f"{actor} on {task}: return {episode.episode_return:,.0f} in {len(episode.rewards):,} steps"
 
 
-def text(heading: str, standing: Standing | None, seed: int, episode: Episode) -> str:
+def text(heading: str, standing: PolicyRecord | None, seed: int, episode: Episode) -> str:
     """The whole text, lines of at most 100 characters."""
-    lines = [heading, f"episode of seed {seed}" + (f", {kept(standing)}" if standing else ""), ""]
+    lines = [heading, f"episode of seed {seed}" + (f", {describe(standing)}" if standing else ""), ""]
     if episode.operations is None:
         return "\n".join([*lines, "This actor calls no nn.Linear layer: nothing of its inside can be shown.", ""])
     lines += [*_populations(episode.populations), "", *_operations(episode.operations), ""]
     return "\n".join(lines)
 
 
-def kept(standing: Standing) -> str:
+def describe(standing: PolicyRecord) -> str:
     """When the policy was kept, and its evaluation then."""
     return f"policy of step {standing.step:,}, mean return of its evaluation {standing.mean_return:,.1f}"
 

@@ -68,7 +68,7 @@ class TrainingEnvironment(EnvBase):
         self.action_limit = action_limit(self._gym)
         self._declare_specs()
         self._next_seed = seed
-        self._armed: dict[str, Any] | None = None
+        self._pending_state: dict[str, Any] | None = None
         self._episode = _Episode(torch.zeros(self.observation_size), 0.0, 0, False)
 
     def _declare_specs(self) -> None:
@@ -96,15 +96,15 @@ class TrainingEnvironment(EnvBase):
 
         Whatever seed was set is forgotten then: the task's generator is part of the state.
         """
-        self._armed = state
+        self._pending_state = state
 
     def _reset(self, tensordict: TensorDictBase | None = None, **kwargs: Any) -> TensorDictBase:
-        if self._armed is not None:
-            self._episode = self._resumed(self._armed)
+        if self._pending_state is not None:
+            self._episode = self._resumed(self._pending_state)
         else:
             observation, _ = self._gym.reset(seed=self._next_seed)
             self._episode = _Episode(torch.from_numpy(np.asarray(observation, np.float32)), 0.0, 0, False)
-        self._armed = self._next_seed = None
+        self._pending_state = self._next_seed = None
         return self._before_step()
 
     def _resumed(self, state: dict[str, Any]) -> _Episode:

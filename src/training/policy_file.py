@@ -20,7 +20,7 @@ from src.training.checkpoint import read_archive, write_archive
 from src.training.normalization import Normalizer
 
 
-class Standing(NamedTuple):
+class PolicyRecord(NamedTuple):
     """When a policy was kept, and how it did then."""
 
     step: int
@@ -33,7 +33,7 @@ def save_policy(
     learner: Learner,
     normalizer: Normalizer,
     sizes: tuple[int, int],
-    standing: Standing,
+    standing: PolicyRecord,
 ) -> None:
     """Write the deterministic policy of a run to ``path``; ``sizes`` is (N, M)."""
     write_archive(
@@ -70,11 +70,11 @@ class TrainedPolicy:
         )
         self.normalizer.load_state_dict(content["normalizer"])
         #: When it was kept, and its evaluation then; None in the file of an engine before 3.
-        self.standing: Standing | None = None
+        self.standing: PolicyRecord | None = None
         if "step" in content:
-            self.standing = Standing(content["step"], content["evaluation_return"])
+            self.standing = PolicyRecord(content["step"], content["evaluation_return"])
 
-    def as_in_training(self) -> Callable[[Tensor, torch.Generator], Tensor]:
+    def on_training_backend(self) -> Callable[[Tensor, torch.Generator], Tensor]:
         """:meth:`act` on the backend that trained it, so that an evaluation is replayed bit for bit on one machine."""
         raw = acting(self.config, self.policy.actor)
         return lambda observation, generator: self.policy.squash(raw(self.normalizer.normalize(observation), generator))

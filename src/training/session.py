@@ -35,7 +35,7 @@ from src.training.evaluation import Evaluator
 from src.training.loggers import Logger, open_logger
 from src.training.normalization import Normalizer
 from src.training.numerics import record_blas, select_blas, set_numerics
-from src.training.policy_file import Standing, save_policy
+from src.training.policy_file import PolicyRecord, save_policy
 from src.training.replay import Replay, sample_minibatches
 from src.training.resume import check_logs, newest_checkpoint
 from src.training.transition_log import TransitionLog
@@ -92,7 +92,7 @@ class TrainingSession:
         self.flushed = 0  # transitions known to be on the disk
         self.step = 0
         self.last_return: float | None = None
-        self.best: Standing | None = None  # the highest evaluation so far; of equal ones the first
+        self.best: PolicyRecord | None = None  # the highest evaluation so far; of equal ones the first
         run.update_manifest(
             backend=self.learner.backend,
             observation_size=self.sizes[0],
@@ -134,7 +134,7 @@ class TrainingSession:
             logger.close()
             collector.shutdown()
         assert self.last_return is not None  # step 0 was evaluated
-        self._save_policy(POLICY_FILE, Standing(self.step, self.last_return))
+        self._save_policy(POLICY_FILE, PolicyRecord(self.step, self.last_return))
         (self.run.path / ROBUSTNESS_FILE).unlink(missing_ok=True)  # of the policy that an extended run had before
         self._count_operations()
         return Outcome(RunState.COMPLETE, self.step, "")
@@ -181,7 +181,7 @@ class TrainingSession:
         self.run.evaluations.append(self.step, episodes)
         self.last_return = sum(r for r, _ in episodes) / len(episodes)
         if self.best is None or self.last_return > self.best.mean_return:
-            self.best = Standing(self.step, self.last_return)
+            self.best = PolicyRecord(self.step, self.last_return)
             if self.config.keep_best:
                 self._save_policy(BEST_POLICY_FILE, self.best)
         self.interval_seconds += time.perf_counter() - started
@@ -194,7 +194,7 @@ class TrainingSession:
         self.interval = IntervalMeans()
         self.interval_seconds = 0.0
 
-    def _save_policy(self, name: str, standing: Standing) -> None:
+    def _save_policy(self, name: str, standing: PolicyRecord) -> None:
         save_policy(self.run.path / name, self.config, self.learner, self.normalizer, self.sizes, standing)
 
     def _count_operations(self) -> None:
@@ -293,4 +293,4 @@ class TrainingSession:
         self.interval.load_state_dict(content["interval"])
         self.interval_seconds = content["interval_seconds"]
         self.last_return = content["last_return"]
-        self.best = None if content["best"] is None else Standing(*content["best"])
+        self.best = None if content["best"] is None else PolicyRecord(*content["best"])

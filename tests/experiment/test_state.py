@@ -11,7 +11,7 @@ from src.experiment import ownership, state
 from src.experiment.ownership import BusyError, acquire
 from src.experiment.plan import make_plan
 from src.experiment.run_directory import Failure
-from src.experiment.state import Action, next_action
+from src.experiment.state import Next, next_action
 from tests.experiment.runs import changed, run_of, smoke
 
 
@@ -24,17 +24,17 @@ def ended(results, *overrides, **changes):
 
 
 def test_nothing_there_is_run(tmp_path):
-    assert next_action(smoke(tmp_path)).action is Action.RUN
+    assert next_action(smoke(tmp_path)).action is Next.RUN
 
 
 @pytest.mark.parametrize(
     ("changes", "action"),
     [
-        ({}, Action.SKIP),
-        ({"status": "interrupted", "step": 1000}, Action.RESUME),
-        ({"status": "running", "step": 1000}, Action.RESUME),  # its process is dead: the lock is free
-        ({"status": "failed", "step": 500, "failure": Failure("OSError", "disk", 500)}, Action.RETRY),
-        ({"status": "diverged", "step": 500, "failure": Failure("diverged", "nan", 500)}, Action.DIVERGED),
+        ({}, Next.SKIP),
+        ({"status": "interrupted", "step": 1000}, Next.RESUME),
+        ({"status": "running", "step": 1000}, Next.RESUME),  # its process is dead: the lock is free
+        ({"status": "failed", "step": 500, "failure": Failure("OSError", "disk", 500)}, Next.RETRY),
+        ({"status": "diverged", "step": 500, "failure": Failure("diverged", "nan", 500)}, Next.DIVERGED),
     ],
 )
 def test_the_same_configuration_again(tmp_path, changes, action):
@@ -45,13 +45,13 @@ def test_the_same_configuration_again(tmp_path, changes, action):
 def test_a_larger_total_extends_and_a_smaller_one_is_refused(tmp_path):
     _, run = ended(tmp_path)
     gone = next_action(smoke(tmp_path, "protocol.total_steps=4000"))
-    assert gone.action is Action.CONFLICT and "can't be extended to 4000" in gone.reason
-    assert next_action(smoke(tmp_path, "protocol.total_steps=4000", "on_conflict=replace")).action is Action.REPLACE
+    assert gone.action is Next.CONFLICT and "can't be extended to 4000" in gone.reason
+    assert next_action(smoke(tmp_path, "protocol.total_steps=4000", "on_conflict=replace")).action is Next.REPLACE
     for name in ("replay.bin", "checkpoint-000000002000.pt"):
         (run.state / name).touch()
-    assert next_action(smoke(tmp_path, "protocol.total_steps=4000")).action is Action.EXTEND
+    assert next_action(smoke(tmp_path, "protocol.total_steps=4000")).action is Next.EXTEND
     smaller = next_action(smoke(tmp_path, "protocol.total_steps=1000"))
-    assert smaller.action is Action.CONFLICT and "1000 is smaller than the 2000 steps" in smaller.reason
+    assert smaller.action is Next.CONFLICT and "1000 is smaller than the 2000 steps" in smaller.reason
 
 
 def test_another_configuration_is_refused_with_the_keys(tmp_path):
@@ -71,7 +71,7 @@ def test_another_engine_is_refused_and_named(tmp_path, monkeypatch):
     monkeypatch.setattr("src.config.identity.ENGINE", 99)
     monkeypatch.setattr("src.experiment.state.ENGINE", 99)
     decision = next_action(changed(config))
-    assert decision.action is Action.CONFLICT and f"engine: {ENGINE} -> 99" in decision.reason
+    assert decision.action is Next.CONFLICT and f"engine: {ENGINE} -> 99" in decision.reason
 
 
 def test_replace_deletes_the_old_run_only_when_the_job_starts(tmp_path):
@@ -81,10 +81,10 @@ def test_replace_deletes_the_old_run_only_when_the_job_starts(tmp_path):
     (run.state / "tensorboard").mkdir()
     other = smoke(tmp_path, "protocol.update_after=300", "on_conflict=replace")
     plan = make_plan([other])
-    assert plan.runs[0].next.action is Action.REPLACE
+    assert plan.runs[0].next.action is Next.REPLACE
     assert (run.path / "evaluations.csv").exists()
     with acquire(other) as (again, decision):
-        assert decision.action is Action.REPLACE
+        assert decision.action is Next.REPLACE
         assert again.read_manifest().status == "running"
     assert sorted(each.name for each in run.path.iterdir()) == ["config.yaml", "manifest.json", "state"]
     assert {each.name for each in run.state.iterdir()} <= {"lock", "owner", "log.txt", "reserve"}
@@ -93,16 +93,16 @@ def test_replace_deletes_the_old_run_only_when_the_job_starts(tmp_path):
 
 def test_on_conflict_replace_leaves_a_run_of_the_same_configuration_alone(tmp_path):
     ended(tmp_path)
-    assert next_action(smoke(tmp_path, "on_conflict=replace")).action is Action.SKIP
+    assert next_action(smoke(tmp_path, "on_conflict=replace")).action is Next.SKIP
 
 
 def test_a_run_with_damaged_state_starts_over_only_when_asked_to(tmp_path):
     config, run = ended(tmp_path, status="failed", step=500)
     run.update_manifest(failure=Failure("CorruptCheckpoint", "no whole checkpoint is left", 500))
-    assert next_action(config).action is Action.RETRY
-    assert next_action(changed(config, on_conflict="replace")).action is Action.REPLACE
+    assert next_action(config).action is Next.RETRY
+    assert next_action(changed(config, on_conflict="replace")).action is Next.REPLACE
     run.update_manifest(failure=Failure("OSError", "the disk is full", 500))
-    assert next_action(changed(config, on_conflict="replace")).action is Action.RETRY
+    assert next_action(changed(config, on_conflict="replace")).action is Next.RETRY
 
 
 def test_leftovers_of_a_kill_are_removed_and_space_for_last_words_is_reserved(tmp_path):
@@ -123,7 +123,7 @@ def test_the_config_is_written_once(tmp_path):
     config, run = ended(tmp_path, status="interrupted", step=500)
     before = (run.path / "config.yaml").stat()
     with acquire(changed(config, keep_replay=True)) as (_, decision):
-        assert decision.action is Action.RESUME
+        assert decision.action is Next.RESUME
     after = (run.path / "config.yaml").stat()
     assert (before.st_mtime_ns, before.st_ino) == (after.st_mtime_ns, after.st_ino)
 
@@ -176,15 +176,15 @@ def test_a_live_process_is_busy_and_a_killed_one_never_blocks(tmp_path):
     holder.start()
     try:
         assert ready.wait(20)
-        assert next_action(config).action is Action.BUSY
+        assert next_action(config).action is Next.BUSY
         with pytest.raises(BusyError, match="held by a live process"), acquire(config):
             pass  # never reached
     finally:
         holder.kill()
         holder.join()
-    assert next_action(config).action is Action.RESUME
+    assert next_action(config).action is Next.RESUME
     with acquire(config) as (_, decision):
-        assert decision.action is Action.RESUME
+        assert decision.action is Next.RESUME
 
 
 def test_a_look_at_the_lock_does_not_make_a_claim_fail(tmp_path, monkeypatch):
@@ -203,7 +203,7 @@ def test_a_look_at_the_lock_does_not_make_a_claim_fail(tmp_path, monkeypatch):
     other.start()
     assert released.wait(20)
     with acquire(config) as (_, decision):
-        assert decision.action is Action.RESUME
+        assert decision.action is Next.RESUME
     other.join()
 
 
@@ -216,9 +216,9 @@ def elsewhere(run, monkeypatch):
 def test_a_fresh_sign_of_life_from_another_machine_is_busy(tmp_path, monkeypatch):
     config, run = ended(tmp_path, status="running", step=500)
     elsewhere(run, monkeypatch)
-    assert next_action(config).action is Action.BUSY
+    assert next_action(config).action is Next.BUSY
     monkeypatch.setattr(state, "FRESH_SECONDS", 0.0)
-    assert next_action(config).action is Action.RESUME
+    assert next_action(config).action is Next.RESUME
 
 
 def test_a_requeued_job_waits_until_the_other_machine_is_silent(tmp_path, monkeypatch):
@@ -230,7 +230,7 @@ def test_a_requeued_job_waits_until_the_other_machine_is_silent(tmp_path, monkey
         slept.append(seconds)
         monkeypatch.setattr(state, "FRESH_SECONDS", 0.0)
 
-    assert ownership.wait_for_silence(run, silent) and len(slept) == 1
+    assert ownership.wait_for_stale_heartbeat(run, silent) and len(slept) == 1
 
 
 def test_a_requeued_job_leaves_a_run_whose_sign_of_life_moves(tmp_path, monkeypatch):
@@ -243,7 +243,7 @@ def test_a_requeued_job_leaves_a_run_whose_sign_of_life_moves(tmp_path, monkeypa
         content["updated"] = "2999-01-01T00:00:00Z"
         path.write_text(json.dumps(content))
 
-    assert not ownership.wait_for_silence(run, beat)
+    assert not ownership.wait_for_stale_heartbeat(run, beat)
 
 
 def test_a_broken_manifest_is_refused_not_overwritten(tmp_path):
@@ -251,7 +251,7 @@ def test_a_broken_manifest_is_refused_not_overwritten(tmp_path):
     (run.path / "manifest.json").write_text("{")
     with pytest.raises(ConfigurationError, match="can't be read"):
         make_plan([config])
-    assert next_action(changed(config, on_conflict="replace")).action is Action.REPLACE
+    assert next_action(changed(config, on_conflict="replace")).action is Next.REPLACE
 
 
 def test_the_owner_names_no_machine(tmp_path):

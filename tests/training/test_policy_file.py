@@ -27,7 +27,7 @@ def test_the_policy_file_alone_replays_the_last_evaluation(finished: Path) -> No
     trained = TrainedPolicy(finished / "policy.pt")
     table = pd.read_csv(finished / "evaluations.csv")
     last = table[table["step"] == table["step"].max()]
-    act, step = trained.as_in_training(), int(last["step"].iloc[0])
+    act, step = trained.on_training_backend(), int(last["step"].iloc[0])
     again = Evaluator(trained.config, Streams(trained.config.seed)).evaluate(act, step)
     assert [r for r, _ in again] == last["return"].tolist()
 
@@ -36,11 +36,11 @@ def test_a_policy_that_is_changed_acts_by_what_it_is_then(finished: Path) -> Non
     """Whoever disturbs weights asks for the acting again; the plain path needs no asking."""
     trained = TrainedPolicy(finished / "policy.pt")
     observation, generator = torch.randn(5, 11), torch.Generator()
-    before = trained.as_in_training()(observation, generator.manual_seed(1))
+    before = trained.on_training_backend()(observation, generator.manual_seed(1))
     torch.testing.assert_close(before, trained.act(observation, generator.manual_seed(1)), rtol=0, atol=1e-3)
     with torch.no_grad():
         trained.policy.actor.decoder.bias += 1.0  # type: ignore[union-attr,operator]
-    after = trained.as_in_training()(observation, generator.manual_seed(1))
+    after = trained.on_training_backend()(observation, generator.manual_seed(1))
     torch.testing.assert_close(after, trained.act(observation, generator.manual_seed(1)), rtol=0, atol=1e-3)
     assert (after > before).all()
 

@@ -19,7 +19,7 @@ from src.experiment.ownership import BusyError
 from src.experiment.plan import make_plan
 from src.experiment.progress import PlainProgress, display, number
 from src.experiment.run_directory import RunState
-from src.experiment.state import Action, ExitCode, Outcome
+from src.experiment.state import ExitCode, Next, Outcome
 from src.experiment.worker import RunFailedError, execute
 
 
@@ -48,7 +48,7 @@ def _alone(run: Run) -> str:
     if run.config.dry_run:
         return "planned"
     check_writable(run.config)
-    if plan.having(Action.BUSY):
+    if plan.having(Next.BUSY):
         sys.exit(ExitCode.INTERRUPTED)
     if not plan.to_do:
         return RunState.COMPLETE

@@ -27,7 +27,7 @@ from src.config.identity import Run
 from src.experiment.checks import check_writable
 from src.experiment.display import show_plan, show_summary
 from src.experiment.plan import Plan, make_plan
-from src.experiment.state import Action, result_of
+from src.experiment.state import Next, result_of
 
 
 class GridSweeper(Sweeper):
@@ -55,24 +55,24 @@ class GridSweeper(Sweeper):
         parser = OverridesParser.create(config_loader=self._loader)
         jobs = product(parser.parse_overrides([f"{key}={value}" for key, value in self.params.items()] + arguments))
         jobs, runs = self._compose(jobs)
-        ours = self._launcher if isinstance(self._launcher, RunLauncher) else None
-        here = ours.trains_here if ours else type(self._launcher).__name__ == "BasicLauncher"
-        plan = make_plan(runs, gpus_here=here)
+        run_launcher = self._launcher if isinstance(self._launcher, RunLauncher) else None
+        trains_here = run_launcher.trains_here if run_launcher else type(self._launcher).__name__ == "BasicLauncher"
+        plan = make_plan(runs, gpus_here=trains_here)
         dry = any(run.config.dry_run for run in runs)
         at_once = len(plan.to_do)
-        if ours:
-            at_once = min(at_once, ours.settings.jobs_at_once(max(run.config.threads for run in runs)))
+        if run_launcher:
+            at_once = min(at_once, run_launcher.settings.jobs_at_once(max(run.config.threads for run in runs)))
         console = Console()
         show_plan(plan, console, max(at_once, 1), with_cost=dry)
         if dry:
             return
         check_writable(runs[0].config)
-        if ours:
-            results = ours.train(plan.to_do)
+        if run_launcher:
+            results = run_launcher.train(plan.to_do)
         else:
             self._launch_elsewhere(plan, jobs)
             results = [result_of(each.run) for each in plan.to_do]
-        if code := show_summary(results, len(plan.having(Action.BUSY)), console):
+        if code := show_summary(results, len(plan.having(Next.BUSY)), console):
             sys.exit(code)
 
     def _compose(self, jobs: Sequence[list[str]]) -> tuple[list[list[str]], list[Run]]:
