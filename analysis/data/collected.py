@@ -17,9 +17,9 @@ from analysis.data.policies import save_policies
 from analysis.data.study import KEYS, Study, read_study
 from analysis.data.writing import read_csv, replaced_folder, write_csv, write_json
 
-FORMAT = 6
+FORMAT = 7
 _TEXT = ["arm", "label", "actor", "encoder", "algo", "env", "path", "cell_hash", "configuration_hash", "commit"]
-_TEXT += ["status", "counts_as", "failure", "changed_keys", "versions", "processor", "device", "blas"]
+_TEXT += ["status", "counts_as", "failure", "changed_keys", "versions", "processor", "device", "blas", "backend"]
 
 
 def collect(folder: Path) -> Study:

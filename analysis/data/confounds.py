@@ -23,8 +23,8 @@ WITH_THE_ACTOR = {
     "algo.actor_learning_rate": LEARNING_RATE,
     "algo.log_std_network": "the network of the standard deviation",
 }
-#: Those, and where a run ran.
-EXEMPT = frozenset({*WITH_THE_ACTOR, "threads", "device"} | WHO)
+#: Those, and where and by what a run was computed.
+EXEMPT = frozenset({*WITH_THE_ACTOR, "backend", "threads", "device"} | WHO)
 #: Numbers of parameters that differ by less than this share are matched: lateral weights are 1.6% of BPT-SAN's.
 MATCHED = 0.02
 

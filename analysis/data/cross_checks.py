@@ -9,13 +9,13 @@ import pandas as pd
 from analysis.data.arms import arm_of
 from analysis.data.flatten import ABSENT
 from analysis.data.mixed import cell_of, differences, listed, place_and_names
-from analysis.data.names import ACTORS, LONGEST, printable
+from analysis.data.names import ACTORS, LONGEST, ordered_arms, printable
 from analysis.data.reading import Run
 
 
 def cross_checks(runs: list[Run], evaluations: pd.DataFrame) -> list[str]:
     """Sentences about the runs of the sound cells and their frame of evaluations."""
-    return [*_shortened(runs), *_edited(runs), *_copies(evaluations), *_several_blas(runs)]
+    return [*_shortened(runs), *_edited(runs), *_copies(evaluations), *_several_blas(runs), *_several_backends(runs)]
 
 
 def _shortened(runs: list[Run]) -> list[str]:
@@ -63,6 +63,21 @@ def _copies(evaluations: pd.DataFrame) -> list[str]:
             if len(seeds) > 1
         ]
     return found
+
+
+def _several_backends(runs: list[Run]) -> list[str]:
+    """The compiled engine and plain PyTorch compute the same updates, up to the last bits of a sum."""
+    used: dict[str, Counter[str]] = {}
+    for run in runs:
+        if backend := run.manifest.backend:
+            used.setdefault(backend, Counter())[arm_of(run)[0]] += 1
+    if len(used) < 2:
+        return []
+    shown = "; ".join(
+        f"{backend} in {sum(arms.values())} ({', '.join(map(printable, ordered_arms(arms)))})"
+        for backend, arms in sorted(used.items())
+    )
+    return [f"The runs were computed by several backends ({shown}): the last bits of their results differ by backend."]
 
 
 def _several_blas(runs: list[Run]) -> list[str]:

@@ -82,6 +82,7 @@ class Manifest(_File):
     dirty: bool | None = None
     processor: str | None = None
     blas: dict[str, str | None] = {}
+    backend: str | None = None  # fast or plain; not written by engines 1 and 2
     threads: Count | None = None
     device: str | None = None
     failure: Failure | None = None

@@ -51,6 +51,7 @@ RUN_COLUMNS = [
     "dirty",
     "processor",
     "blas",
+    "backend",
     "threads",
     "device",
     "versions",

@@ -94,7 +94,7 @@ def versions_table(study: Study) -> Table:
         versions = pd.DataFrame([json.loads(v) for v in runs["versions"]])
         for package in sorted(versions.columns):
             add(package, versions[package])
-        for what in ("engine", "processor", "blas", "device", "threads"):
+        for what in ("engine", "backend", "processor", "blas", "device", "threads"):
             values = runs[what]
             add(what, values.map(lambda v: int(v) if isinstance(v, float) and v == v and v.is_integer() else v))
     columns: list[Column] = [("what", "", text), ("value", "Value", text), ("runs", "Runs", number())]

@@ -88,6 +88,25 @@ def test_an_empty_list_of_hashed_keys_is_an_old_manifest_written_again(tmp_path)
     assert "algo.discount: 0.99 against 0.9" in refused.reason
 
 
+def test_several_backends_are_said_and_stand_among_the_versions(tmp_path):
+    """And do not keep arms from being compared: their updates are the same up to the last bits."""
+    from analysis.data.cells import cells_of
+    from analysis.data.confounds import confounds
+    from analysis.statistics.provenance import versions_table
+
+    write_run(tmp_path / "s", actor="aan", manifest={"backend": "fast"})
+    for seed, backend in enumerate(("plain", "fast")):
+        write_run(tmp_path / "s", seed=seed, noise=1, changes={"backend": "plain"}, manifest={"backend": backend})
+    study = read_study(tmp_path / "s")
+    (note,) = study.warnings
+    assert "several backends (fast in 2 (aan, bptsan); plain in 1 (bptsan))" in note
+    frame = versions_table(study).frame
+    rows = frame[frame["what"] == "backend"]
+    assert rows["value"].tolist() == ["fast", "plain"] and rows["runs"].tolist() == [2, 1]
+    assert [cell.n for cell in cells_of(study)] == [1, 2]
+    assert confounds(study, "td3", "hopper", ("bptsan", "aan")) == []
+
+
 def test_several_blas_libraries_are_said(tmp_path):
     for seed, library in enumerate(("mkl", "openblas", "openblas")):
         about = {"library": library, "version": "1.2", "architecture": None}
