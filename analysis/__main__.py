@@ -67,7 +67,7 @@ def _render(options: argparse.Namespace) -> None:
 def _report(options: argparse.Namespace) -> None:
     from analysis.claims_file import claims_path, read_claims
 
-    read_claims(claims_path(options.study, options.claims))  # a mistake there is told before the minutes of drawing
+    read_claims(claims_path(options.study, options.claims))  # a mistake there is an error before the minutes of drawing
     _keys(options.by)
     stages = (_collect, _paper) if options.style == "paper" else (_collect, _figures, _statistics, _render)
     for stage in stages:

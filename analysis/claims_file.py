@@ -182,14 +182,14 @@ def read_claims(path: Path = FILE) -> Claims:
 
 def _sentence(content: dict[str, Any], error: Any) -> str:
     """Where the first mistake is, what was found, and what would be right."""
-    place, kind = list(error["loc"]), error["type"]
+    location, kind = list(error["loc"]), error["type"]
     where = ""
-    if place[:1] == ["claims"] and len(place) > 1:
-        entry = content["claims"][place[1]]
+    if location[:1] == ["claims"] and len(location) > 1:
+        entry = content["claims"][location[1]]
         name = entry.get("name") if isinstance(entry, dict) else None
-        where = f"claim {name if isinstance(name, str) else place[1] + 1}: "
-        place = place[3:]  # without claims, its index and its kind
-    key = ".".join(str(part + 1 if isinstance(part, int) else part) for part in place)
+        where = f"claim {name if isinstance(name, str) else location[1] + 1}: "
+        location = location[3:]  # without claims, its index and its kind
+    key = ".".join(str(part + 1 if isinstance(part, int) else part) for part in location)
     if kind == "extra_forbidden":
         return f"{where}there is no key {key}"
     if kind == "missing":

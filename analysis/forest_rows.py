@@ -6,7 +6,7 @@ import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from analysis.data.names import task_name
+from analysis.data.names import actor_name, task_name
 from analysis.tables import pair
 from analysis.verdicts import ClaimResult, Judgement, Stage, TaskResult, Verdict
 from analysis.verdicts.wording import confound_words, removes_words, verdict_words
@@ -79,8 +79,8 @@ def _task(result: ClaimResult, task: TaskResult) -> ForestRow:
     remark = returns + ("" if task.covered else f"; not pooled: {task.exclusion.reason}" if task.exclusion else "")
     if task.scale is not None and task.scale.own:
         remark += "; 100 is this study's own AAN"
-    if humps := [arm.name for arm in task.arms if arm.two_humps]:
-        remark += f"; two groups of seeds in {', '.join(humps)}: the mean misleads"
+    if bimodal := [actor_name(arm.name) for arm in task.arms if arm.bimodal]:
+        remark += f"; two groups of seeds in {', '.join(bimodal)}: the mean misleads"
     verdict = "" if task.verdict is None else str(task.verdict)
     return ForestRow(
         False, result.claim.name, str(result.claim.family), task_name(task.env), n, contrast.estimate, contrast.low,

@@ -84,9 +84,9 @@ def _settings(study: Study) -> str:
         return ""
     everywhere = {(algo, env) for algo, env, _ in cells}
     parts = []
-    for (key, ours, theirs), places in found.items():
+    for (key, ours, theirs), tasks in found.items():
         where = (
-            "" if set(places) == everywhere else f" on {', '.join(map(task_name, ordered_tasks(e for _, e in places)))}"
+            "" if set(tasks) == everywhere else f" on {', '.join(map(task_name, ordered_tasks(e for _, e in tasks)))}"
         )
         parts.append(f"{key} {ours} (the paper: {theirs}){where}")
     if not parts:

@@ -24,7 +24,7 @@ from analysis.tables import escape_latex, short_caption
 from analysis.verdicts import judge
 
 #: The tables of an article; the others are for those who attack it, and stand in ``statistics/``.
-TABLES = ("main", "verdicts", "aggregates", "max_average_return", "operations")
+TABLES = ("main", "claims", "aggregates", "max_average_return", "operations")
 _PREAMBLE = r"""\documentclass[10pt,twocolumn]{article}
 \usepackage[letterpaper,textwidth=7in,textheight=9in,columnsep=0.3in]{geometry}
 \usepackage[T1]{fontenc}

@@ -48,8 +48,8 @@ def render(folder: Path) -> Path:
         "overview": tables["overview"],
         "policies": policies,
         "sections": [section for section in SECTIONS if section[0] != "policies" or policies],
-        "marks": {verdict: look["mark"] for verdict, look in tables["overview"]["verdicts"].items()},
-        "tones": {verdict: look["tone"] for verdict, look in tables["overview"]["verdicts"].items()},
+        "marks": {verdict: style["mark"] for verdict, style in tables["overview"]["verdicts"].items()},
+        "tones": {verdict: style["tone"] for verdict, style in tables["overview"]["verdicts"].items()},
         "style": Markup((TEMPLATES / "report.css").read_text(encoding="utf-8")),
         "script": Markup(script),
         "script_hash": Markup(script_hash(script)),
@@ -87,8 +87,8 @@ def linked(words: str) -> Markup:
     """Escaped text in which ``runs/<algo>/<env>/<label>/<encoder>/seed_<k>`` is a link to that folder."""
     parts = re.split(r"(runs/(?:[^/\s]+/){4}seed_\d+)", str(words))
     return Markup("").join(
-        Markup('<a href="../{}/">{}</a>').format(quote(part), part) if place % 2 else escape(part)
-        for place, part in enumerate(parts)
+        Markup('<a href="../{}/">{}</a>').format(quote(part), part) if index % 2 else escape(part)
+        for index, part in enumerate(parts)
     )
 
 

@@ -68,7 +68,7 @@ def style_named(name: str, font: str = "sans") -> Style:
     raise InputError(f"There is no style {name!r}; choose screen or paper.")
 
 
-class Look(NamedTuple):
+class ArmStyle(NamedTuple):
     """How an arm is drawn, the same in every figure."""
 
     color: str
@@ -78,32 +78,32 @@ class Look(NamedTuple):
 
 
 _PAPER = {
-    "aan": Look("#000000", (0, (5, 2)), "s", ""),
-    "popsan": Look("#0072B2", (0, (1, 1.2)), "^", "////"),
-    "bptsan_wo_ndt": Look("#E69F00", (0, (6, 1.5, 1, 1.5)), "v", "...."),
-    "bptsan_wo_li": Look("#009E73", (0, (3, 1, 1, 1, 1, 1)), "D", "xxxx"),
-    "bptsan": Look("#D55E00", "solid", "o", ""),
+    "aan": ArmStyle("#000000", (0, (5, 2)), "s", ""),
+    "popsan": ArmStyle("#0072B2", (0, (1, 1.2)), "^", "////"),
+    "bptsan_wo_ndt": ArmStyle("#E69F00", (0, (6, 1.5, 1, 1.5)), "v", "...."),
+    "bptsan_wo_li": ArmStyle("#009E73", (0, (3, 1, 1, 1, 1, 1)), "D", "xxxx"),
+    "bptsan": ArmStyle("#D55E00", "solid", "o", ""),
 }
 _OTHERS = (
-    Look("#CC79A7", (0, (4, 1)), "P", "\\\\\\\\"),
-    Look("#56B4E9", (0, (2, 1)), "X", "||||"),
-    Look("#999999", (0, (8, 2)), "<", "----"),
-    Look("#7A5C00", (0, (1, 2)), ">", "oooo"),
-    Look("#4B0092", (0, (5, 1, 1, 1)), "*", "++++"),
+    ArmStyle("#CC79A7", (0, (4, 1)), "P", "\\\\\\\\"),
+    ArmStyle("#56B4E9", (0, (2, 1)), "X", "||||"),
+    ArmStyle("#999999", (0, (8, 2)), "<", "----"),
+    ArmStyle("#7A5C00", (0, (1, 2)), ">", "oooo"),
+    ArmStyle("#4B0092", (0, (5, 1, 1, 1)), "*", "++++"),
 )
 
 
-def looks(arms: list[str]) -> dict[str, Look]:
-    """The look of each arm. Those beyond the paper's take the remaining colours in the order given; when the colours
+def arm_styles(arms: list[str]) -> dict[str, ArmStyle]:
+    """The style of each arm. Those beyond the paper's take the remaining colours in the order given; when the colours
     come again, it is with another line, marker and hatch.
     """
     others = [arm for arm in arms if arm not in ACTORS]
     return {arm: _PAPER[arm] if arm in _PAPER else _other(others.index(arm)) for arm in arms}
 
 
-def _other(index: int) -> Look:
-    again, place = divmod(index, len(_OTHERS))
-    return Look(_OTHERS[place].color, *_OTHERS[(place + again) % len(_OTHERS)][1:])
+def _other(index: int) -> ArmStyle:
+    repeats, position = divmod(index, len(_OTHERS))
+    return ArmStyle(_OTHERS[position].color, *_OTHERS[(position + repeats) % len(_OTHERS)][1:])
 
 
 def svg_dashes(line: Any) -> str:

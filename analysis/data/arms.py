@@ -2,7 +2,7 @@
 
 An *arm* is what a reader compares: a label under the task's own spike coding. A run of the paper's actor whose keys
 were changed, or under the other coding, or of another actor under a paper actor's name, is an arm of its own name and
-never passes for the paper's actor. An algorithm that is an option of another is told in the arm's name too: with and
+never passes for the paper's actor. An algorithm that is an option of another stands in the arm's name too: with and
 without it are two arms of one algorithm, with one scale.
 """
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import pandas as pd
 
-from analysis.data.flatten import WHO, differing_keys
+from analysis.data.flatten import IDENTITY, differing_keys
 from analysis.data.names import actor_name
 from analysis.data.study import Study, flat_configuration
 
@@ -24,12 +24,12 @@ WITH_THE_ACTOR = {
     "algo.log_std_network": "the network of the standard deviation",
 }
 #: Those, and where and by what a run was computed.
-EXEMPT = frozenset({*WITH_THE_ACTOR, "backend", "threads", "device"} | WHO)
+EXEMPT = frozenset({*WITH_THE_ACTOR, "backend", "threads", "device"} | IDENTITY)
 #: Numbers of parameters that differ by less than this share are matched: lateral weights are 1.6% of BPT-SAN's.
 MATCHED = 0.02
 
 #: What an arm's name says: the actor, its coding, an option of the algorithm.
-_MEANT = ("actor.", "encoder.", "algo.proxy_")
+_NAMED_BY_THE_ARM = ("actor.", "encoder.", "algo.proxy_")
 
 
 def confounds(study: Study, algo: str, env: str, arms: tuple[str, ...]) -> list[str]:
@@ -45,7 +45,7 @@ def confounds(study: Study, algo: str, env: str, arms: tuple[str, ...]) -> list[
     for arm in arms[1:]:
         other, other_hashed = configurations[arm]
         for key, old, new in differing_keys(first, other, first_hashed, other_hashed, EXEMPT):
-            if not (key.startswith(_MEANT) or key == "algo.name" or key in changed):
+            if not (key.startswith(_NAMED_BY_THE_ARM) or key == "algo.name" or key in changed):
                 found.setdefault(key, f"{key} ({old} for {actor_name(arms[0])}, {new} for {actor_name(arm)})")
     return [found[key] for key in sorted(found)]
 

@@ -8,7 +8,7 @@ import pandas as pd
 
 from analysis.data.arms import arm_of
 from analysis.data.flatten import ABSENT
-from analysis.data.mixed import cell_of, differences, listed, place_and_names
+from analysis.data.mixed import cell_of, differences, folder_and_names, listed
 from analysis.data.names import ACTORS, LONGEST, ordered_arms, printable
 from analysis.data.reading import Run
 
@@ -38,7 +38,7 @@ def _edited(runs: list[Run]) -> list[str]:
         first = firsts.setdefault(cell_of(run), run)
         found = [one for one in differences(first, run) if ABSENT not in one[1:]]
         if found:
-            where, names = place_and_names(first, run)
+            where, names = folder_and_names(first, run)
             sentences.append(
                 f"runs/{where}: {names} have the same cell_hash, and their config.yaml differ in {listed(found)}: "
                 "somebody has changed one of the two."

@@ -12,7 +12,7 @@ NOT_HASHED = frozenset(
     | {"protocol.name", "protocol.total_steps", "protocol.checkpoint_interval", "blas", "keep_best"}
 )
 #: Hashed, and yet no difference between two arms: which actor, under which seed.
-WHO = frozenset({"seed", "actor.name"})
+IDENTITY = frozenset({"seed", "actor.name"})
 ABSENT = "absent"
 
 
@@ -33,7 +33,7 @@ def differing_keys(
     b: dict[str, Any],
     hashed_a: Collection[str] | None = None,
     hashed_b: Collection[str] | None = None,
-    exempt: frozenset[str] = WHO,
+    exempt: frozenset[str] = IDENTITY,
 ) -> list[tuple[str, Any, Any]]:
     """``(key, value in a, value in b)`` where two nested configurations differ in what changes numbers.
 

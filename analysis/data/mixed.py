@@ -58,7 +58,7 @@ def _mixed(runs: list[Run]) -> str:
     seeds: dict[tuple[str, int], Run] = {}
     for run in runs:
         if run.manifest.cell_hash != first.manifest.cell_hash:
-            where, names = place_and_names(first, run)
+            where, names = folder_and_names(first, run)
             differing = listed(differences(first, run)) or "their cell_hash, but in no key of config.yaml"
             return (
                 f"runs/{where} mixes two configurations: {names} differ in {differing}. "
@@ -66,13 +66,13 @@ def _mixed(runs: list[Run]) -> str:
             )
         twin = seeds.setdefault((cell_of(run)[2], run.manifest.seed), run)
         if twin is not run:
-            where, names = place_and_names(twin, run)
+            where, names = folder_and_names(twin, run)
             return f"runs/{where} has seed {run.manifest.seed} twice: {names}. Move one of them away."
     return ""
 
 
-def place_and_names(a: Run, b: Run) -> tuple[str, str]:
-    """The folder that both runs lie in, and each run's place below it."""
+def folder_and_names(a: Run, b: Run) -> tuple[str, str]:
+    """The folder that both runs lie in, and each run's path below it."""
     left = a.path.split("/")
     right = b.path.split("/")
     same = next((i for i in range(len(left)) if left[: i + 1] != right[: i + 1]), len(left))

@@ -36,7 +36,7 @@ def counts(runs: pd.DataFrame) -> pd.Series:
 
 
 @dataclass(frozen=True)
-class Judged:
+class RunOutcome:
     """A run and what it is to the numbers.
 
     Attributes:
@@ -54,15 +54,15 @@ class Judged:
     warnings: tuple[str, ...]
 
 
-def judge(runs: list[Run]) -> list[Judged]:
+def outcomes_of(runs: list[Run]) -> list[RunOutcome]:
     """The outcome of each run of a study, in their order."""
     alone = [_alone(run) for run in runs]
-    places = [(algorithm_of(run), run.manifest.env) for run in runs]
-    lengths = {place: _training_steps([one for one, p in zip(alone, places) if p == place]) for place in set(places)}
-    return [_among_others(one, lengths[place]) for one, place in zip(alone, places)]
+    tasks = [(algorithm_of(run), run.manifest.env) for run in runs]
+    lengths = {task: _training_steps([one for one, its in zip(alone, tasks) if its == task]) for task in set(tasks)}
+    return [_among_others(one, lengths[task]) for one, task in zip(alone, tasks)]
 
 
-def _alone(run: Run) -> Judged:
+def _alone(run: Run) -> RunOutcome:
     """What its own files make of it; ``training_steps`` is what it was asked for."""
     outcome = _BY_STATUS.get(run.manifest.status, Outcome.UNFINISHED)
     finite = np.isfinite(run.evaluations["return"].to_numpy(dtype=float))
@@ -91,22 +91,22 @@ def _alone(run: Run) -> Judged:
         warnings.append(
             "it diverged before its first evaluation, so there is no value to carry forward; it counts as unfinished"
         )
-    return Judged(run, outcome, evaluations, asked, tuple(warnings))
+    return RunOutcome(run, outcome, evaluations, asked, tuple(warnings))
 
 
-def _training_steps(judged: list[Judged]) -> int:
+def _training_steps(runs: list[RunOutcome]) -> int:
     """Of the paper's finished runs, else of all finished ones, else of those that count, else of all."""
-    finished = [one for one in judged if one.outcome == Outcome.FINISHED]
-    counted = [one for one in judged if one.outcome != Outcome.UNFINISHED]
+    finished = [one for one in runs if one.outcome == Outcome.FINISHED]
+    counted = [one for one in runs if one.outcome != Outcome.UNFINISHED]
     paper = [one for one in finished if arm_of(one.run)[1]]
-    chosen = paper or finished or counted or judged
+    chosen = paper or finished or counted or runs
     return most_frequent([one.training_steps for one in chosen])
 
 
-def _among_others(judged: Judged, training_steps: int) -> Judged:
-    outcome = judged.outcome
-    asked = judged.training_steps
-    warnings = list(judged.warnings)
+def _among_others(alone: RunOutcome, training_steps: int) -> RunOutcome:
+    outcome = alone.outcome
+    asked = alone.training_steps
+    warnings = list(alone.warnings)
     if outcome != Outcome.UNFINISHED and asked != training_steps:
         outcome = Outcome.UNFINISHED
         warnings.append(
@@ -114,6 +114,6 @@ def _among_others(judged: Judged, training_steps: int) -> Judged:
             "results after unequal training are not compared, so it stands in curves only, among the unfinished"
         )
     elif outcome == Outcome.FINISHED:
-        interval = judged.run.settings.protocol.evaluation_interval
-        warnings += missing_evaluations(judged.run.evaluations["step"], interval, training_steps)
-    return Judged(judged.run, outcome, judged.evaluations, training_steps, tuple(warnings))
+        interval = alone.run.settings.protocol.evaluation_interval
+        warnings += missing_evaluations(alone.run.evaluations["step"], interval, training_steps)
+    return RunOutcome(alone.run, outcome, alone.evaluations, training_steps, tuple(warnings))

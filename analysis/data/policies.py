@@ -98,7 +98,7 @@ def _summary(folder: Path, path: str, notes: list[str]) -> dict[str, Any]:
     except UnreadableRunError as error:
         notes.append(f"runs/{path}/{_FOLDER}: {error}; the return of its episode is not shown.")
         return unknown
-    told = on_one_line(second)[:_LONGEST]
+    words = on_one_line(second)[:_LONGEST]
     if not (found := _RETURN.search(first)):
-        return unknown | {"policy": told}
-    return {"return": found[1], "steps": found[2], "policy": told}
+        return unknown | {"policy": words}
+    return {"return": found[1], "steps": found[2], "policy": words}

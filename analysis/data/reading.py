@@ -106,7 +106,7 @@ def _contradictions(manifest: Manifest, settings: Configuration) -> list[str]:
         ("seed", settings.seed, manifest.seed),
     )
     return [
-        f"its config.yaml has {key} = {told}, its manifest.json says {own}; one of the two is of another run"
-        for key, told, own in pairs
-        if told != own
+        f"its config.yaml has {key} = {written}, its manifest.json says {own}; one of the two is of another run"
+        for key, written, own in pairs
+        if written != own
     ]

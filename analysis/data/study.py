@@ -17,7 +17,7 @@ from analysis.data.folders import check_study, run_directories
 from analysis.data.mixed import Refused, without_mixed
 from analysis.data.names import on_one_line
 from analysis.data.operations import COLUMNS as OPERATION_COLUMNS
-from analysis.data.outcome import Judged, Outcome, counts, judge
+from analysis.data.outcome import Outcome, RunOutcome, counts, outcomes_of
 from analysis.data.reading import Run, read_run
 from analysis.data.robustness import COLUMNS as ROBUSTNESS_COLUMNS
 from analysis.data.training_steps import due
@@ -107,7 +107,7 @@ def read_study(folder: Path) -> Study:
     if not readable:
         warnings.insert(0, f"There are no runs in {folder.name}/runs yet.")
     runs, refused = without_mixed(readable)
-    return _assemble(folder.name, judge(runs), refused, warnings)
+    return _assemble(folder.name, outcomes_of(runs), refused, warnings)
 
 
 def _read_all(root: Path) -> tuple[list[Run], list[str]]:
@@ -128,16 +128,16 @@ def _read_all(root: Path) -> tuple[list[Run], list[str]]:
     return runs, warnings
 
 
-def _assemble(name: str, judged: list[Judged], refused: list[Refused], warnings: list[str]) -> Study:
+def _assemble(name: str, outcomes: list[RunOutcome], refused: list[Refused], warnings: list[str]) -> Study:
     study = Study(
         name=name,
-        runs=pd.DataFrame([_row(one) for one in judged], columns=RUN_COLUMNS),
-        evaluations=_concat([_with_carried(one).assign(**_keys(one.run)) for one in judged], EVALUATION_COLUMNS),
-        training=_training(judged),
+        runs=pd.DataFrame([_row(one) for one in outcomes], columns=RUN_COLUMNS),
+        evaluations=_concat([_with_carried(one).assign(**_keys(one.run)) for one in outcomes], EVALUATION_COLUMNS),
+        training=_training(outcomes),
         refused=refused,
-        operations=_operations(judged),
+        operations=_operations(outcomes),
         robustness=_concat(
-            [one.run.robustness.assign(**_keys(one.run)) for one in judged if len(one.run.robustness)],
+            [one.run.robustness.assign(**_keys(one.run)) for one in outcomes if len(one.run.robustness)],
             [*KEYS, *ROBUSTNESS_COLUMNS],
         ),
     )
@@ -145,7 +145,7 @@ def _assemble(name: str, judged: list[Judged], refused: list[Refused], warnings:
         seeds = ", ".join(map(str, cell.seeds))
         study.warnings.append(f"{cell.algo}/{cell.env}/{cell.arm} was refused (seeds {seeds}): {cell.reason}")
     study.warnings += warnings
-    for one in judged:
+    for one in outcomes:
         manifest = one.run.manifest
         key = f"{algorithm_of(one.run)}/{manifest.env}/{arm_of(one.run)[0]}"
         study.configurations.setdefault(key, one.run.config)
@@ -153,7 +153,7 @@ def _assemble(name: str, judged: list[Judged], refused: list[Refused], warnings:
             study.hashed_keys.setdefault(key, manifest.hashed_keys)
         study.warnings += [f"runs/{one.run.path}: {warning}." for warning in (*one.run.warnings, *one.warnings)]
         study.warnings += [f"runs/{one.run.path}, from its manifest: {note}" for note in manifest.notes]
-    study.warnings += cross_checks([one.run for one in judged], study.evaluations)
+    study.warnings += cross_checks([one.run for one in outcomes], study.evaluations)
     study.warnings = [_sentence(warning) for warning in study.warnings]
     return study
 
@@ -168,18 +168,18 @@ def _keys(run: Run) -> dict[str, Any]:
     return {"algo": algorithm_of(run), "env": manifest.env, "arm": arm_of(run)[0], "seed": manifest.seed}
 
 
-def _row(judged: Judged) -> dict[str, Any]:
+def _row(one: RunOutcome) -> dict[str, Any]:
     """The run's row of ``Study.runs``: what its manifest says, and what was made of it."""
-    run = judged.run
+    run = one.run
     manifest = run.manifest
     return {
         **{column: getattr(manifest, column, None) for column in RUN_COLUMNS},
         **_keys(run),
         "paper": arm_of(run)[1],
         "status": manifest.status.value,
-        "counts_as": judged.outcome.value,
-        "training_steps": judged.training_steps,
-        "evaluations": len(judged.evaluations),
+        "counts_as": one.outcome.value,
+        "training_steps": one.training_steps,
+        "evaluations": len(one.evaluations),
         "failure": on_one_line(str(manifest.failure)) if manifest.failure else None,
         "path": run.path,
         "changed_keys": json.dumps(manifest.changed_keys, sort_keys=True),
@@ -190,26 +190,26 @@ def _row(judged: Judged) -> dict[str, Any]:
     }
 
 
-def _with_carried(judged: Judged) -> pd.DataFrame:
+def _with_carried(one: RunOutcome) -> pd.DataFrame:
     """The evaluations; of a diverged run also its last one, repeated at all later steps (it counts)."""
-    table = judged.evaluations.assign(counts_as=judged.outcome.value, carried=False)
-    if judged.outcome != Outcome.DIVERGED:
+    table = one.evaluations.assign(counts_as=one.outcome.value, carried=False)
+    if one.outcome != Outcome.DIVERGED:
         return table
     last = table.iloc[-1]
-    steps = due(judged.run.settings.protocol.evaluation_interval, judged.training_steps)
+    steps = due(one.run.settings.protocol.evaluation_interval, one.training_steps)
     missing = steps[steps > last["step"]]
     carried = pd.DataFrame({"step": missing, "return": last["return"], "length": last["length"]})
-    return pd.concat([table, carried.assign(counts_as=judged.outcome.value, carried=True)]) if len(missing) else table
+    return pd.concat([table, carried.assign(counts_as=one.outcome.value, carried=True)]) if len(missing) else table
 
 
-def _training(judged: list[Judged]) -> pd.DataFrame:
-    frames = [one.run.training.assign(**_keys(one.run)) for one in judged]
+def _training(outcomes: list[RunOutcome]) -> pd.DataFrame:
+    frames = [one.run.training.assign(**_keys(one.run)) for one in outcomes]
     columns = dict.fromkeys(column for frame in frames for column in frame.columns if column not in KEYS)
     return _concat(frames, [*KEYS, *dict.fromkeys(["step", *columns])])
 
 
-def _operations(judged: list[Judged]) -> pd.DataFrame:
-    rows = [_keys(one.run) | one.run.operations.totals() for one in judged if one.run.operations]
+def _operations(outcomes: list[RunOutcome]) -> pd.DataFrame:
+    rows = [_keys(one.run) | one.run.operations.totals() for one in outcomes if one.run.operations]
     return pd.DataFrame(rows, columns=[*KEYS, *OPERATION_COLUMNS])
 
 

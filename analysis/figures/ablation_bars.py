@@ -13,7 +13,7 @@ from analysis.data.cells import Cell, select
 from analysis.data.names import actor_name, algorithm_name, ordered_arms, task_name
 from analysis.figures.drawing import Drawing
 from analysis.figures.view import View
-from analysis.style import Look, looks, lowest, panels
+from analysis.style import ArmStyle, arm_styles, lowest, panels
 
 PAPER_BASE = "bptsan"
 
@@ -53,7 +53,7 @@ def _drawing(view: View, base: str, arms: list[str]) -> Drawing:
         "last value."
     )
     here = [cell for cell in view.here if cell.arm in arms and cell.n]
-    tasks, style = list(dict.fromkeys(cell.env for cell in here)), looks(ordered_arms(arms))
+    tasks, styles = list(dict.fromkeys(cell.env for cell in here)), arm_styles(ordered_arms(arms))
     labels = 0.062 * max(len(actor_name(arm)) for arm in arms)
     figure, axes = panels(
         view.style, len(tasks), width=1.6 + min(labels, 1.6), height=0.7 + 0.24 * len(arms), columns=4
@@ -61,11 +61,11 @@ def _drawing(view: View, base: str, arms: list[str]) -> Drawing:
     rows = []
     for axis, env in zip(axes, tasks):
         counts = []
-        for place, arm in enumerate(arms):
+        for position, arm in enumerate(arms):
             found = select(here, env=env, arm=arm)
             counts.append(f"n={found[0].n}" if found else "no run")
             if found:
-                rows.append(_bar(axis, place, found[0], style[arm]))
+                rows.append(_bar(axis, position, found[0], styles[arm]))
         axis.set_yticks(range(len(arms)), [f"{actor_name(arm)} ({n})" for arm, n in zip(arms, counts)])
         axis.set_ylim(len(arms) - 0.4, -0.6)
         axis.grid(False, axis="y")
@@ -82,17 +82,24 @@ def _drawing(view: View, base: str, arms: list[str]) -> Drawing:
     )
 
 
-def _bar(axis: Axes, place: int, cell: Cell, look: Look) -> dict[str, Any]:
+def _bar(axis: Axes, position: int, cell: Cell, style: ArmStyle) -> dict[str, Any]:
     """Draw one arm; the row of the CSV."""
     best, each = metrics.max_of_mean(cell.steps, cell.returns), metrics.mean_of_max(cell.returns)
     axis.barh(
-        place, best.value, height=0.66, color=look.color, alpha=0.45, edgecolor="black", linewidth=0.8, hatch=look.hatch
+        position,
+        best.value,
+        height=0.66,
+        color=style.color,
+        alpha=0.45,
+        edgecolor="black",
+        linewidth=0.8,
+        hatch=style.hatch,
     )
     if not np.isnan(best.std):
-        axis.errorbar(best.value, place, xerr=best.std, color="black", capsize=3, linewidth=1)
+        axis.errorbar(best.value, position, xerr=best.std, color="black", capsize=3, linewidth=1)
     points = cell.returns[:, cell.steps == best.step].ravel()
     offsets = np.linspace(-0.18, 0.18, len(points)) if len(points) > 1 else np.zeros(len(points))
-    axis.scatter(points, place + offsets, s=9, color="white", edgecolor="black", linewidth=0.6, zorder=3)
+    axis.scatter(points, position + offsets, s=9, color="white", edgecolor="black", linewidth=0.6, zorder=3)
     return {
         "env": cell.env,
         "arm": cell.arm,

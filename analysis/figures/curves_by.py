@@ -15,7 +15,7 @@ from analysis.figures.drawing import Drawing
 from analysis.figures.learning_curves import curve_of
 from analysis.figures.swept import ordered_values, runs_by
 from analysis.figures.view import View
-from analysis.style import leftmost, legend_below, looks, lowest, panel_grid, step_axis
+from analysis.style import arm_styles, leftmost, legend_below, lowest, panel_grid, step_axis
 
 MOST_ROWS = 8
 
@@ -38,13 +38,17 @@ def _drawing(view: View, key: str) -> list[Drawing]:
     frames = []
     drawn_arms = set(runs.loc[runs["line"].isin(lines), "arm"])
     beside = [arm for arm in view.claims.baselines if arm not in drawn_arms]
-    places = [(line, env) for line in shown for env in tasks]
-    for index, (axis, (line, env)) in enumerate(zip(axes, places)):
+    panel_keys = [(line, env) for line in shown for env in tasks]
+    for index, (axis, (line, env)) in enumerate(zip(axes, panel_keys)):
         for arm in beside:
             for cell in select(view.here, env=env, arm=arm):
-                curve, look = curve_of(cell), looks([arm])[arm]
+                curve, style = curve_of(cell), arm_styles([arm])[arm]
                 axis.plot(
-                    curve["step"], curve["mean_smoothed"], color=look.color, linestyle=look.line, label=actor_name(arm)
+                    curve["step"],
+                    curve["mean_smoothed"],
+                    color=style.color,
+                    linestyle=style.line,
+                    label=actor_name(arm),
                 )
                 frames.append(curve.assign(env=env, line=actor_name(arm), value=""))
         mine = runs[(runs["env"] == env) & (runs["line"] == line)]

@@ -11,7 +11,7 @@ from analysis.data.names import actor_name, algorithm_name, ordered_arms, task_n
 from analysis.figures.drawing import Drawing
 from analysis.figures.view import View
 from analysis.hypothesis_tests import INTERVAL_SEEDS, t_interval
-from analysis.style import looks, lowest, panels
+from analysis.style import arm_styles, lowest, panels
 
 
 def draw(view: View) -> list[Drawing]:
@@ -26,22 +26,28 @@ def draw(view: View) -> list[Drawing]:
     if not here:
         return [Drawing(name, title, caption, missing=f"No finished run under {algorithm_name(view.algo)}.")]
     tasks, arms = list(dict.fromkeys(cell.env for cell in here)), ordered_arms({cell.arm for cell in here})
-    style = looks(arms)
+    styles = arm_styles(arms)
     figure, axes = panels(view.style, len(tasks), width=3.4, height=0.75 + 0.24 * len(arms), columns=2)
     rows = []
     for axis, env in zip(axes, tasks):
         shown = select(here, env=env)
-        for place, cell in enumerate(shown):
-            look = style[cell.arm]
+        for position, cell in enumerate(shown):
+            style = styles[cell.arm]
             low, high = t_interval(cell.final)
             offsets = np.linspace(-0.2, 0.2, cell.n) if cell.n > 1 else np.zeros(1)
             ok = ~cell.diverged
             axis.scatter(
-                cell.final[ok], place + offsets[ok], s=14, marker=look.marker, color=look.color, alpha=0.75, linewidth=0
+                cell.final[ok],
+                position + offsets[ok],
+                s=14,
+                marker=style.marker,
+                color=style.color,
+                alpha=0.75,
+                linewidth=0,
             )
-            axis.scatter(cell.final[~ok], place + offsets[~ok], s=18, marker="x", color=look.color, linewidth=1)
-            axis.plot([low, high], [place, place], color="black", linewidth=1)
-            axis.plot([cell.final.mean()] * 2, [place - 0.3, place + 0.3], color="black", linewidth=1.6)
+            axis.scatter(cell.final[~ok], position + offsets[~ok], s=18, marker="x", color=style.color, linewidth=1)
+            axis.plot([low, high], [position, position], color="black", linewidth=1)
+            axis.plot([cell.final.mean()] * 2, [position - 0.3, position + 0.3], color="black", linewidth=1.6)
             rows += [
                 {
                     "env": env,

@@ -38,8 +38,8 @@ def draw(view: View) -> list[Drawing]:
     low, high = limits(rows, band)
     axis.axvspan(-band, band, color="#e4e4de", linewidth=0)
     axis.axvline(0, color="black", linewidth=0.8, linestyle=(0, (3, 2)))
-    for place, row in enumerate(drawn):
-        _row(axis, place, row)
+    for position, row in enumerate(drawn):
+        _row(axis, position, row)
     axis.set_xlim(low, high)
     axis.set_yticks(range(len(drawn)), [row.label if row.pooled else f"{row.label}   " for row in drawn])
     for label, row in zip(axis.get_yticklabels(), drawn):
@@ -52,9 +52,11 @@ def draw(view: View) -> list[Drawing]:
     return [Drawing(name, title, caption, "answer", figure, data, alt=f"{alt}.")]
 
 
-def _row(axis: Axes, place: int, row: ForestRow) -> None:
+def _row(axis: Axes, position: int, row: ForestRow) -> None:
     color = "black" if row.pooled else "#666666"
-    axis.plot([row.low, row.high], [place, place], color=color, linewidth=1.6 if row.pooled else 0.9)
-    axis.plot(row.estimate, place, marker="D" if row.pooled else "o", color=color, markersize=4.5 if row.pooled else 3)
+    axis.plot([row.low, row.high], [position, position], color=color, linewidth=1.6 if row.pooled else 0.9)
+    axis.plot(
+        row.estimate, position, marker="D" if row.pooled else "o", color=color, markersize=4.5 if row.pooled else 3
+    )
     words = f"{row.n}  {row.verdict}".rstrip()
-    axis.annotate(words, (1.01, place), xycoords=("axes fraction", "data"), va="center", fontsize=7, color=color)
+    axis.annotate(words, (1.01, position), xycoords=("axes fraction", "data"), va="center", fontsize=7, color=color)

@@ -28,11 +28,11 @@ def draw(view: View) -> list[Drawing]:
         runs.groupby(["env", "line", "first", "second"])["final"].agg(["mean", "std", "count"]).reset_index()
         .rename(columns={"first": first, "second": second, "count": "n"})
     )  # fmt: skip
-    places = [(env, line) for env in ordered_tasks(runs["env"]) for line in dict.fromkeys(runs["line"])]
-    places = [place for place in places if ((table["env"] == place[0]) & (table["line"] == place[1])).any()]
+    panel_keys = [(env, line) for env in ordered_tasks(runs["env"]) for line in dict.fromkeys(runs["line"])]
+    panel_keys = [facet for facet in panel_keys if ((table["env"] == facet[0]) & (table["line"] == facet[1])).any()]
     size = 1.2 + 0.55 * most[1]
-    figure, axes = panels(view.style, len(places), width=max(size, 2.2), height=0.9 + 0.3 * most[0], columns=3)
-    for axis, (env, line) in zip(axes, places):
+    figure, axes = panels(view.style, len(panel_keys), width=max(size, 2.2), height=0.9 + 0.3 * most[0], columns=3)
+    for axis, (env, line) in zip(axes, panel_keys):
         mine = table[(table["env"] == env) & (table["line"] == line)]
         down, across = ordered_values(mine[first]), ordered_values(mine[second])
         grid, counts = (

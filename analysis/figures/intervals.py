@@ -14,7 +14,7 @@ from analysis.figures.over_tasks import arms_and_tasks, none, tasks_in_words, th
 from analysis.figures.view import View
 from analysis.hypothesis_tests import INTERVAL_SEEDS
 from analysis.statistics.aggregates import METRICS, table
-from analysis.style import leftmost, looks, panels
+from analysis.style import arm_styles, leftmost, panels
 
 
 def draw(view: View) -> list[Drawing]:
@@ -29,22 +29,22 @@ def draw(view: View) -> list[Drawing]:
     )
     if not arms:
         return none(name, title, caption, view)
-    frame, style = table(view.cells, view.claims).frame, looks(arms)
+    frame, styles = table(view.cells, view.claims).frame, arm_styles(arms)
     frame = frame[(frame["algo"] == view.algo) & frame["arm"].isin(arms)].set_index("arm").loc[arms]
     figure, axes = panels(view.style, len(METRICS), width=1.9, height=0.8 + 0.22 * len(arms))
     for axis, (key, (label, _)) in zip(axes, METRICS.items()):
-        for place, arm in enumerate(arms):
-            row, look = frame.loc[arm], style[arm]
+        for position, arm in enumerate(arms):
+            row, style = frame.loc[arm], styles[arm]
             if not np.isnan(row[f"{key}_low"]):
                 axis.plot(
                     [row[f"{key}_low"], row[f"{key}_high"]],
-                    [place, place],
-                    color=look.color,
+                    [position, position],
+                    color=style.color,
                     linewidth=6,
                     alpha=0.4,
                     solid_capstyle="butt",
                 )
-            axis.plot(row[key], place, marker=look.marker, color=look.color, markersize=5)
+            axis.plot(row[key], position, marker=style.marker, color=style.color, markersize=5)
         first = axis in leftmost(axes)
         axis.set_yticks(range(len(arms)), list(map(actor_name, arms)) if first else [""] * len(arms))
         axis.set_ylim(len(arms) - 0.5, -0.5)

@@ -14,7 +14,17 @@ from analysis.data.names import actor_name, algorithm_name, ordered_arms, task_n
 from analysis.figures.drawing import Drawing
 from analysis.figures.facets import facets
 from analysis.figures.view import View
-from analysis.style import Look, leftmost, legend_below, looks, lowest, panel_grid, panels, step_axis, svg_dashes
+from analysis.style import (
+    ArmStyle,
+    arm_styles,
+    leftmost,
+    legend_below,
+    lowest,
+    panel_grid,
+    panels,
+    step_axis,
+    svg_dashes,
+)
 
 
 def draw(view: View) -> list[Drawing]:
@@ -27,16 +37,16 @@ def draw(view: View) -> list[Drawing]:
     arms = ordered_arms({cell.arm for cell in cells})
     groups = facets(arms, view.claims)
     curves = {(cell.env, cell.arm): curve_of(cell) for cell in cells}
-    style = looks(arms)
+    styles = arm_styles(arms)
     if len(groups) == 1:
         figure, axes = panels(view.style, len(tasks), width=2.8 if len(tasks) < 3 else 2.35)
     else:
         figure, axes = panel_grid(view.style, len(groups), len(tasks), height=1.75)
-    places = [(group, env) for group in groups for env in tasks]
-    for index, (axis, (group, env)) in enumerate(zip(axes, places)):
+    panel_keys = [(group, env) for group in groups for env in tasks]
+    for index, (axis, (group, env)) in enumerate(zip(axes, panel_keys)):
         here = [cell for cell in select(cells, env=env) if cell.arm in group]
         for cell in here:
-            _plot(axis, curves[env, cell.arm], style[cell.arm], _label(cell.arm, tasks, curves))
+            _plot(axis, curves[env, cell.arm], styles[cell.arm], _label(cell.arm, tasks, curves))
         step_axis(axis, max(cell.training_steps for cell in select(cells, env=env)), named=axis in lowest(axes))
         if index < len(tasks):
             axis.set_title(task_name(env))
@@ -45,7 +55,7 @@ def draw(view: View) -> list[Drawing]:
     legend_below(figure, axes)
     drawn = [(cell, curves[cell.env, cell.arm]) for cell in cells]
     frame = pd.concat([curve.assign(env=cell.env, arm=cell.arm) for cell, curve in drawn], ignore_index=True)
-    payload = _payload(cells, curves, style, groups[0])
+    payload = _payload(cells, curves, styles, groups[0])
     return [Drawing(name, title, _caption(curves, groups), figure=figure, data=frame, alt=_alt(drawn), curves=payload)]
 
 
@@ -81,16 +91,16 @@ def _caption(curves: dict[tuple[str, str], pd.DataFrame], groups: list[list[str]
     )
 
 
-def _plot(axis: Axes, curve: pd.DataFrame, look: Look, label: str) -> None:
+def _plot(axis: Axes, curve: pd.DataFrame, style: ArmStyle, label: str) -> None:
     step, smoothed = curve["step"], curve["mean_smoothed"]
     full = curve["n"] == curve["n"].max()
-    axis.plot(step, curve["mean"], color=look.color, linewidth=0.5, alpha=0.35)
-    axis.plot(step, smoothed, color=look.color, linestyle=look.line, linewidth=0.6)
+    axis.plot(step, curve["mean"], color=style.color, linewidth=0.5, alpha=0.35)
+    axis.plot(step, smoothed, color=style.color, linestyle=style.line, linewidth=0.6)
     if len(curve) == 1:  # a line of one point is not seen
-        axis.plot(step, smoothed, color=look.color, marker=look.marker, markersize=4, clip_on=False)
-    axis.plot(step, smoothed.where(full), color=look.color, linestyle=look.line, label=label)
+        axis.plot(step, smoothed, color=style.color, marker=style.marker, markersize=4, clip_on=False)
+    axis.plot(step, smoothed.where(full), color=style.color, linestyle=style.line, label=label)
     low, high = (smoothed + sign * curve["half_std_smoothed"] for sign in (-1, 1))
-    axis.fill_between(step, low, high, color=look.color, alpha=0.13, linewidth=0)
+    axis.fill_between(step, low, high, color=style.color, alpha=0.13, linewidth=0)
 
 
 def _label(arm: str, tasks: list[str], curves: dict[tuple[str, str], pd.DataFrame]) -> str:
@@ -118,12 +128,12 @@ def _alt(drawn: list[tuple[Cell, pd.DataFrame]]) -> str:
 
 
 def _payload(
-    cells: list[Cell], curves: dict[tuple[str, str], pd.DataFrame], style: dict[str, Look], first: list[str]
+    cells: list[Cell], curves: dict[tuple[str, str], pd.DataFrame], styles: dict[str, ArmStyle], first: list[str]
 ) -> dict[str, Any]:
     """The same curves and each seed's own for the page's script, to five significant digits; NaN as null."""
     arms = [
-        {"arm": arm, "name": actor_name(arm), "color": look.color, "dash": svg_dashes(look.line)}
-        for arm, look in style.items()
+        {"arm": arm, "name": actor_name(arm), "color": style.color, "dash": svg_dashes(style.line)}
+        for arm, style in styles.items()
     ]
     tasks = []
     for env in dict.fromkeys(cell.env for cell in cells):

@@ -46,15 +46,20 @@ def draw(view: View) -> list[Drawing]:
     frame = pd.DataFrame(rows)
     pairs = list(dict.fromkeys(frame["pair"]))
     figure, (axis,) = panels(view.style, 1, width=4.6, height=0.5 + 0.24 * len(pairs))
-    for place, pair in enumerate(pairs):
+    for position, pair in enumerate(pairs):
         mine = frame[frame["pair"] == pair]
         tasks, mean = mine[mine["where"] != "mean"], mine[mine["where"] == "mean"].iloc[0]
         axis.plot(
-            [mean["low"], mean["high"]], [place, place], color="#0072B2", linewidth=5, alpha=0.4, solid_capstyle="butt"
+            [mean["low"], mean["high"]],
+            [position, position],
+            color="#0072B2",
+            linewidth=5,
+            alpha=0.4,
+            solid_capstyle="butt",
         )
         offsets = np.linspace(-0.2, 0.2, len(tasks)) if len(tasks) > 1 else np.zeros(len(tasks))
-        axis.scatter(tasks["probability"], place + offsets, s=8, color="#777777", zorder=2)
-        axis.plot(mean["probability"], place, marker="D", color="#0072B2", markersize=4)
+        axis.scatter(tasks["probability"], position + offsets, s=8, color="#777777", zorder=2)
+        axis.plot(mean["probability"], position, marker="D", color="#0072B2", markersize=4)
     axis.axvline(0.5, color="black", linewidth=0.8, linestyle=(0, (3, 2)))
     axis.set_xlim(-0.03, 1.03)
     axis.set_yticks(range(len(pairs)), pairs)

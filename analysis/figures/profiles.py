@@ -13,7 +13,7 @@ from analysis.figures.over_tasks import arms_and_tasks, none, tasks_in_words, th
 from analysis.figures.view import View
 from analysis.hypothesis_tests import INTERVAL_SEEDS
 from analysis.statistics.aggregates import scores_of
-from analysis.style import legend_below, looks, panels
+from analysis.style import arm_styles, legend_below, panels
 
 
 def draw(view: View) -> list[Drawing]:
@@ -31,16 +31,16 @@ def draw(view: View) -> list[Drawing]:
     every = np.concatenate([values for arm in arms for values in scores[arm]])
     thresholds = np.linspace(min(0.0, float(np.floor(every.min()))), max(float(np.ceil(every.max())), 10.0), 101)
     figure, (axis,) = panels(view.style, 1, width=4.6, height=2.4)
-    style, frames = looks(arms), []
+    styles, frames = arm_styles(arms), []
     for arm in arms:
         curve = bootstrap.profile(scores[arm], thresholds)
         low = high = np.full(len(thresholds), np.nan)
         if min(map(len, scores[arm])) >= INTERVAL_SEEDS:
             low, high = bootstrap.profile_interval(scores[arm], thresholds)
-            axis.fill_between(thresholds, low, high, color=style[arm].color, alpha=0.13, linewidth=0)
+            axis.fill_between(thresholds, low, high, color=styles[arm].color, alpha=0.13, linewidth=0)
         n = "/".join(dict.fromkeys(str(len(values)) for values in scores[arm]))
         axis.plot(
-            thresholds, curve, color=style[arm].color, linestyle=style[arm].line, label=f"{actor_name(arm)} (n={n})"
+            thresholds, curve, color=styles[arm].color, linestyle=styles[arm].line, label=f"{actor_name(arm)} (n={n})"
         )
         frames.append(
             pd.DataFrame({"arm": arm, "n": n, "threshold": thresholds, "share": curve, "low": low, "high": high})

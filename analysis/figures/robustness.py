@@ -13,7 +13,7 @@ from analysis.figures.drawing import Drawing
 from analysis.figures.view import View
 from analysis.references import scale
 from analysis.robustness import summary
-from analysis.style import looks
+from analysis.style import arm_styles
 
 COLUMNS = 4
 
@@ -57,7 +57,7 @@ def _drawing(view: View, env: str, played: pd.DataFrame) -> Drawing:
 
 def _panel(axis: Axes, table: pd.DataFrame, disturbance: str, arms: list[str]) -> None:
     """Severities side by side at equal distances, the undisturbed policy among them as 0."""
-    style = looks(arms)
+    styles = arm_styles(arms)
     part = table[table["disturbance"].isin([NONE, disturbance])]
     shown = sorted(part["severity"].unique(), reverse=disturbance == "weight bits")
     if disturbance == "weight bits":  # 0 stands for no rounding: before 8
@@ -66,12 +66,12 @@ def _panel(axis: Axes, table: pd.DataFrame, disturbance: str, arms: list[str]) -
         own = part[part["arm"] == arm].set_index("severity").reindex(shown)
         if own["n"].notna().sum() < 2:
             continue  # this actor can't have the disturbance
-        places = np.arange(len(shown)) + 0.06 * (index - (len(arms) - 1) / 2)
+        positions = np.arange(len(shown)) + 0.06 * (index - (len(arms) - 1) / 2)
         half = (own["change_high"] - own["change"]).fillna(0.0)
-        look = style[arm]
+        style = styles[arm]
         axis.errorbar(
-            places, own["score"], yerr=half, label=actor_name(arm), color=look.color, linestyle=look.line,
-            marker=look.marker, markersize=3.5, linewidth=1.2, elinewidth=0.8, capsize=2,
+            positions, own["score"], yerr=half, label=actor_name(arm), color=style.color, linestyle=style.line,
+            marker=style.marker, markersize=3.5, linewidth=1.2, elinewidth=0.8, capsize=2,
         )  # fmt: skip
     axis.set_title(disturbance)
     axis.set_xticks(range(len(shown)), ["none" if severity == 0 else f"{severity:g}" for severity in shown])

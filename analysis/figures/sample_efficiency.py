@@ -14,7 +14,7 @@ from analysis.figures.over_tasks import arms_and_tasks, none, tasks_in_words, th
 from analysis.figures.view import View
 from analysis.hypothesis_tests import INTERVAL_SEEDS
 from analysis.references import scale
-from analysis.style import legend_below, looks, panels, step_axis
+from analysis.style import arm_styles, legend_below, panels, step_axis
 
 
 def draw(view: View) -> list[Drawing]:
@@ -30,7 +30,7 @@ def draw(view: View) -> list[Drawing]:
     if not arms:
         return none(name, title, caption, view)
     figure, (axis,) = panels(view.style, 1, width=4.6, height=2.4)
-    style, frames, longest = looks(arms), [], 0
+    styles, frames, longest = arm_styles(arms), [], 0
     for arm in arms:
         found = [select(view.cells, view.algo, env, arm)[0] for env in tasks]
         shared = [cell.steps[~np.isnan(cell.returns).any(axis=0)] for cell in found]
@@ -45,8 +45,10 @@ def draw(view: View) -> list[Drawing]:
             low = high = np.full(len(values), np.nan)
         n = "/".join(dict.fromkeys(str(cell.n) for cell in found))
         longest = max([longest, *(cell.training_steps for cell in found)])
-        axis.fill_between(steps, low, high, color=style[arm].color, alpha=0.15, linewidth=0)
-        axis.plot(steps, values, color=style[arm].color, linestyle=style[arm].line, label=f"{actor_name(arm)} (n={n})")
+        axis.fill_between(steps, low, high, color=styles[arm].color, alpha=0.15, linewidth=0)
+        axis.plot(
+            steps, values, color=styles[arm].color, linestyle=styles[arm].line, label=f"{actor_name(arm)} (n={n})"
+        )
         frames.append(pd.DataFrame({"arm": arm, "n": n, "step": steps, "iqm": values, "low": low, "high": high}))
     if not frames:
         missing = "No step at which all runs of an actor were evaluated."

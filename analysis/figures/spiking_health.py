@@ -9,7 +9,7 @@ from analysis.data.names import actor_name, algorithm_name, ordered_arms, ordere
 from analysis.figures.drawing import Drawing
 from analysis.figures.view import View
 from analysis.health import MEASURES, over_training
-from analysis.style import looks, step_axis
+from analysis.style import arm_styles, step_axis
 
 _SHORT = {
     "firing_rate": "Firing rate",
@@ -32,7 +32,7 @@ def draw(view: View) -> list[Drawing]:
 
 def _drawing(view: View, env: str, table: pd.DataFrame) -> Drawing:
     layers, arms = sorted(table["layer"].unique()), ordered_arms(table["arm"])
-    style = looks(arms)
+    styles = arm_styles(arms)
     runs = view.study.runs[(view.study.runs["algo"] == view.algo) & (view.study.runs["env"] == env)]
     training_steps = int(runs["training_steps"].max())
     width, height, below = (
@@ -62,8 +62,8 @@ def _drawing(view: View, env: str, table: pd.DataFrame) -> Drawing:
                 axis.plot(
                     line["step"],
                     line["value"],
-                    color=style[arm].color,
-                    linestyle=style[arm].line,
+                    color=styles[arm].color,
+                    linestyle=styles[arm].line,
                     label=actor_name(arm),
                 )
             axis.set_ylim(-0.04, 1.04)

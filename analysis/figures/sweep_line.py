@@ -12,7 +12,7 @@ from analysis.figures.drawing import Drawing
 from analysis.figures.swept import ordered_values, runs_by, swept_keys
 from analysis.figures.view import View
 from analysis.hypothesis_tests import INTERVAL_SEEDS, t_interval
-from analysis.style import leftmost, legend_below, looks, lowest, panels
+from analysis.style import arm_styles, leftmost, legend_below, lowest, panels
 
 
 def draw(view: View) -> list[Drawing]:
@@ -34,7 +34,7 @@ def _points(view: View, key: str) -> pd.DataFrame:
         return runs
     runs = runs.assign(value=[value[0] for value in runs["value"]])
     rows: list[dict[str, Any]] = []
-    order = {value: place for place, value in enumerate(ordered_values(runs["value"]))}
+    order = {value: position for position, value in enumerate(ordered_values(runs["value"]))}
     for (env, line), mine in runs.groupby(["env", "line"], sort=True):
         if mine["value"].nunique() < 2:
             continue
@@ -43,7 +43,7 @@ def _points(view: View, key: str) -> pd.DataFrame:
             low, high = t_interval(finals)
             seeds = " ".join(map(repr, finals.tolist()))
             rows.append(
-                {"key": key, "env": env, "line": line, "value": value, "place": order[value], "n": len(finals),
+                {"key": key, "env": env, "line": line, "value": value, "position": order[value], "n": len(finals),
                  "mean": float(finals.mean()), "low": low, "high": high, "seeds": seeds}
             )  # fmt: skip
     return pd.DataFrame(rows)
@@ -56,27 +56,27 @@ def _groups(points: pd.DataFrame) -> list[tuple[str, str, pd.DataFrame]]:
 
 def _drawing(view: View, key: str, points: pd.DataFrame) -> Drawing:
     tasks, lines = ordered_tasks(points["env"]), list(dict.fromkeys(points["line"]))
-    style = looks(lines)
+    styles = arm_styles(lines)
     numeric = points["value"].map(lambda value: isinstance(value, (int, float))).all()
     figure, axes = panels(view.style, len(tasks), width=2.6)
     for axis, env in zip(axes, tasks):
         here = points[points["env"] == env]
         for line in lines:
-            mine, look = here[here["line"] == line], style[line]
-            x = mine["value"] if numeric else mine["place"]
+            mine, style = here[here["line"] == line], styles[line]
+            x = mine["value"] if numeric else mine["position"]
             axis.plot(
-                x, mine["mean"], color=look.color, linestyle=look.line, marker=look.marker, markersize=4, label=line
+                x, mine["mean"], color=style.color, linestyle=style.line, marker=style.marker, markersize=4, label=line
             )
-            axis.vlines(x, mine["low"], mine["high"], color=look.color, linewidth=1)
-            for place, seeds in zip(x, mine["seeds"]):
+            axis.vlines(x, mine["low"], mine["high"], color=style.color, linewidth=1)
+            for position, seeds in zip(x, mine["seeds"]):
                 values = [float(value) for value in str(seeds).split()]
-                axis.scatter([place] * len(values), values, s=5, color=look.color, alpha=0.4, linewidth=0)
+                axis.scatter([position] * len(values), values, s=5, color=style.color, alpha=0.4, linewidth=0)
         if numeric:
             axis.set_xticks(sorted(here["value"].unique()))
             axis.xaxis.set_major_formatter("{x:g}")
         else:
-            named = here.drop_duplicates("place").sort_values("place")
-            axis.set_xticks(named["place"], [str(value) for value in named["value"]])
+            named = here.drop_duplicates("position").sort_values("position")
+            axis.set_xticks(named["position"], [str(value) for value in named["value"]])
         n = sorted(here["n"].unique())
         axis.set_title(f"{task_name(env)} (n={n[0]}{'' if len(n) == 1 else f'–{n[-1]}'} each)", fontsize=8)
         axis.margins(x=0.08)

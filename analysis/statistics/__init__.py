@@ -11,7 +11,8 @@ from analysis.data.writing import replaced_folder, write_json
 from analysis.first_screen import first_screen
 from analysis.health import saturated
 from analysis.overview import overview
-from analysis.statistics import aggregates, cost, failures, performance, provenance, published, verdicts
+from analysis.statistics import aggregates, cost, failures, performance, provenance, published
+from analysis.statistics import claims as claims_tables
 from analysis.statistics.main_table import main_table
 from analysis.statistics.notes import notes
 from analysis.statistics.operations import operations_table
@@ -22,9 +23,9 @@ from analysis.verdicts import Judgement, judge
 def tables_of(study: Study, cells: list[Cell], claims: Claims, judgement: Judgement) -> list[Table]:
     """Every table, in the order of the report."""
     return [
-        verdicts.claims_table(judgement, overview(study)["title"]),
+        claims_tables.claims_table(judgement, overview(study)["title"]),
         main_table(cells, study.refused, claims),
-        verdicts.tasks_table(judgement),
+        claims_tables.claims_by_task_table(judgement),
         performance.final_table(cells),
         performance.maxima_table(cells),
         aggregates.table(cells, claims),
@@ -46,13 +47,14 @@ def build(study: Study, folder: Path, claims_file: Path | None = None) -> list[T
     claims, cells = read_claims(claims_path(folder, claims_file)), cells_of(study)
     judgement = judge(study, cells, claims)
     tables = tables_of(study, cells, claims, judgement)
-    told = [*study.warnings, *notes(study, cells, claims), *saturated(study)]
+    all_notes = [*study.warnings, *notes(study, cells, claims), *saturated(study)]
     with replaced_folder(folder / "statistics") as out:
         for table in tables:
             table.save(out)
         screen = first_screen(study, cells, judgement)
         write_json(
-            out / "tables.json", {"overview": screen, "tables": [table.as_dict() for table in tables], "notes": told}
+            out / "tables.json",
+            {"overview": screen, "tables": [table.as_dict() for table in tables], "notes": all_notes},
         )
-        write_json(out / "verdicts.json", verdicts.plain(judgement))
+        write_json(out / "verdicts.json", claims_tables.plain(judgement))
     return tables

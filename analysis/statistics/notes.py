@@ -44,9 +44,9 @@ def _not_finished(study: Study, cell: Cell) -> list[str]:
         ),
     )
     where, found = f"{algorithm_name(cell.algo)}, {task_name(cell.env)}, {actor_name(cell.arm)}", []
-    for word, group, told in groups:
+    for word, group, describe in groups:
         if len(group):
-            each = [f"seed {r.seed} {told(r)}" for r in group.head(MOST).itertuples()]
+            each = [f"seed {r.seed} {describe(r)}" for r in group.head(MOST).itertuples()]
             more = [f"and {len(group) - MOST} more"] if len(group) > MOST else []
             found.append(f"{where}: {len(group)} of {len(runs)} runs {word} ({'; '.join(each + more)}).")
     return found

@@ -68,7 +68,7 @@ def operations_table(study: Study) -> Table:
 
 
 def _frame(study: Study) -> pd.DataFrame:
-    places = [
+    arms_of_tasks = [
         (algo, env, arm)
         for algo in ordered_algorithms(study.operations["algo"])
         for env in ordered_tasks(study.operations["env"])
@@ -79,7 +79,7 @@ def _frame(study: Study) -> pd.DataFrame:
     counts = grouped.size()
     rows = [
         _row(algo, env, arm, means, int(counts[algo, env, arm]))
-        for algo, env, arm in places
+        for algo, env, arm in arms_of_tasks
         if (algo, env, arm) in means
     ]
     names = ["algo", "env", "arm", "algorithm", "task", "actor", "n", *COLUMNS, "connection_sparsity", "kilobytes"]

@@ -50,10 +50,10 @@ def matching(cells: list[Cell], scores: Iterable[PublishedScore]) -> tuple[list[
     """
     if not cells:
         return [], "No runs, so nothing stands beside published numbers."
-    pairs = [(cell, score) for cell in cells for score in scores if cell.algo == _place(score)[0]]
+    pairs = [(cell, score) for cell in cells for score in scores if cell.algo == _algorithm_and_arms(score)[0]]
     if not pairs:
         return [], f"No published number is of {_listed(algorithm_name(cell.algo) for cell in cells)}."
-    every, pairs = pairs, [(cell, score) for cell, score in pairs if cell.arm in _place(score)[1]]
+    every, pairs = pairs, [(cell, score) for cell, score in pairs if cell.arm in _algorithm_and_arms(score)[1]]
     if not pairs:
         shown = _listed(actor_name(cell.arm) for cell, _ in every)
         return [], f"No published number under these algorithms is of an actor of this study ({shown})."
@@ -73,10 +73,10 @@ def matching(cells: list[Cell], scores: Iterable[PublishedScore]) -> tuple[list[
     return pairs, "" if pairs else "No run that could stand beside a published number has finished."
 
 
-def _place(score: PublishedScore) -> tuple[str, tuple[str, ...]]:
+def _algorithm_and_arms(score: PublishedScore) -> tuple[str, tuple[str, ...]]:
     """The algorithm and the arms of a study that a published number is about."""
-    places = [algorithm_and_arm(score.algorithm, label) for label in score.labels]
-    return places[0][0], tuple(arm for _, arm in places)
+    names = [algorithm_and_arm(score.algorithm, label) for label in score.labels]
+    return names[0][0], tuple(arm for _, arm in names)
 
 
 def _row(cell: Cell, score: PublishedScore) -> dict[str, object]:

@@ -15,13 +15,13 @@
       .tasks                         one TaskResult per task of the claim (layer 2)
         .contrast, .normalised         in returns; in normalised points (NaN estimate: not part of the pooled effect)
         .verdict, .adjusted_p          None, NaN where no verdict is due: print estimate and interval alone
-        .arms                          ArmSummary: n, beyond_plan, diverged, below_half, two_humps
+        .arms                          ArmSummary: n, beyond_plan, diverged, below_half, bimodal
         .improvement, .effect          P(improvement) with interval; Hedges' g
         .scale                         zero, hundred, own (True: 100 is the study's own AAN)
     judgement.over_algorithms      the same claims under all algorithms of the study; empty for one algorithm
     judgement.too_few_seeds        say "too few seeds to judge" once, and print no verdicts
 
-``wording`` has the sentences: a verdict, what is missing and why, humps and diverged runs, the first screen's.
+``wording`` has the sentences: a verdict, what is missing and why, bimodal and diverged runs, the first screen's.
 """
 
 from analysis.verdicts.judging import judge

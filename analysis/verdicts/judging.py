@@ -14,9 +14,9 @@ from analysis.failure_rates import failures
 from analysis.hypothesis_tests import NOTHING, TEST_SEEDS, Contrast, holm, one_sided_p, seeds_for_effect, spread_within
 from analysis.improvement import improvement_with_interval
 from analysis.metrics import hedges_g
-from analysis.verdicts.humps import share_below_half, two_humps
+from analysis.verdicts.bimodality import bimodal, share_below_half
 from analysis.verdicts.layers import (
-    Judged,
+    ClaimVerdict,
     RowVerdict,
     contrasts_of,
     decided,
@@ -62,7 +62,7 @@ def _family(samples: list[Sample], claims: Claims) -> list[ClaimResult]:
 
 
 def _result(
-    judged: Judged, random: Judged | None, left_out: Judged | None, family_size: int, claims: Claims
+    judged: ClaimVerdict, random: ClaimVerdict | None, left_out: ClaimVerdict | None, family_size: int, claims: Claims
 ) -> ClaimResult:
     sample = judged.tested.sample
     covered = [task for task in sample.tasks if task.pooled]
@@ -118,7 +118,7 @@ def _task(
             diverged=int(task.diverged[k].sum()),
             below_half=share_below_half(scores[k]) if scores else _NAN,
             failed=failures(scores[k], claims.failure_score) if scores else 0,
-            two_humps=bool(scores) and two_humps(scores[k], claims.smallest_effect),
+            bimodal=bool(scores) and bimodal(scores[k], claims.smallest_effect),
         )
         for k, (name, values) in enumerate(zip(sample.claim.arms, task.arms))
     )

@@ -32,7 +32,7 @@ _NAN = float("nan")
 
 
 @dataclass(frozen=True)
-class Tested:
+class ClaimContrasts:
     """The contrasts of a claim: pooled, and by task in returns (NaN where the arms cannot be compared)."""
 
     sample: Sample
@@ -66,10 +66,10 @@ class RowVerdict:
 
 
 @dataclass(frozen=True)
-class Judged:
+class ClaimVerdict:
     """All that the rule says of a claim."""
 
-    tested: Tested
+    tested: ClaimContrasts
     stage: Stage
     verdict: Verdict
     adjusted_p: float
@@ -80,20 +80,20 @@ class Judged:
     rows: tuple[RowVerdict, ...]
 
 
-def contrasts_of(sample: Sample) -> Tested:
+def contrasts_of(sample: Sample) -> ClaimContrasts:
     """Every contrast of a claim, each computed once."""
     covered = [task for task in sample.tasks if task.pooled]
     arms = [arm for task in covered for arm in task.normalised]
     weights = [weight / len(covered) for _ in covered for weight in sample.claim.weights]
     rows = tuple(_row(sample, task) for task in sample.tasks)
-    return Tested(sample, welch_contrast(arms, weights), rows, min(map(len, arms), default=0))
+    return ClaimContrasts(sample, welch_contrast(arms, weights), rows, min(map(len, arms), default=0))
 
 
 def _row(sample: Sample, task: TaskSample) -> Contrast:
     return welch_contrast(task.arms, sample.claim.weights) if task.comparable else NOTHING
 
 
-def judge_family(tested: Sequence[Tested], claims: Claims) -> list[Judged]:
+def judge_family(tested: Sequence[ClaimContrasts], claims: Claims) -> list[ClaimVerdict]:
     """The rule for one family."""
     stages = [one.stage(claims) for one in tested]
     adjusted = holm([one.pooled.p for one in tested])
@@ -108,7 +108,7 @@ def judge_family(tested: Sequence[Tested], claims: Claims) -> list[Judged]:
     for k, (one, stage, verdict) in enumerate(zip(tested, stages, verdicts)):
         final = stage is Stage.FINAL
         judged.append(
-            Judged(
+            ClaimVerdict(
                 tested=one,
                 stage=stage,
                 verdict=verdict,
@@ -147,7 +147,7 @@ def decided(adjusted_p: float, estimate: float, alpha: float) -> Verdict:
 
 
 def _layer_two(
-    tested: Sequence[Tested], stages: Sequence[Stage], verdicts: Sequence[Verdict], claims: Claims
+    tested: Sequence[ClaimContrasts], stages: Sequence[Stage], verdicts: Sequence[Verdict], claims: Claims
 ) -> list[tuple[RowVerdict, ...]]:
     """Row verdicts of the claims that layer 1 decided on all planned seeds, Holm over all of their declared rows."""
     opened = [stage is Stage.FINAL and verdict.decided for stage, verdict in zip(stages, verdicts)]

@@ -64,7 +64,7 @@ class ArmSummary:
     diverged: int
     below_half: float  # share of seeds below half of the reference score; NaN without one
     failed: int  # seeds below the failure score; 0 without a reference score
-    two_humps: bool  # a gap splits its seeds: the mean misleads
+    bimodal: bool  # a gap splits its seeds: the mean misleads
 
 
 @dataclass(frozen=True)

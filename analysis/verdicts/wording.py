@@ -18,7 +18,7 @@ from analysis.verdicts.results import (
     WithoutDivergence,
 )
 
-#: In the order in which they are told; ``{arms}`` and ``{tasks}`` are lists of names.
+#: In the order in which they are named; ``{arms}`` and ``{tasks}`` are lists of names.
 REASONS = {
     Reason.NO_RUNS: "no runs on {tasks}",
     Reason.NO_FINISHED_RUN: "no finished run of {arms} on {tasks}",
@@ -91,9 +91,9 @@ def divergence_words(arms: Iterable[ArmSummary], diverged: WithoutDivergence | N
     return f"diverged runs: {counts}; with a random policy's score for them: {random}, without them: {left_out}"
 
 
-def hump_words(task: TaskResult) -> str:
+def bimodality_words(task: TaskResult) -> str:
     """Which arms fall into two groups, the share of seeds below half of the reference, and P(improvement)."""
-    split = [arm for arm in task.arms if arm.two_humps]
+    split = [arm for arm in task.arms if arm.bimodal]
     if not split:
         return ""
     shares = ", ".join(f"{actor_name(arm.name)} {arm.below_half:.0%}" for arm in task.arms)

@@ -54,7 +54,7 @@ def test_repro_in_a_fresh_clone_then_nothing_then_a_new_run(tmp_path):
         own.write("  - {name: mine, kind: difference, source: user, text: A claim of mine, better: x, worse: aan}\n")
     again = run("dvc", "repro", cwd=clone)
     assert "Running stage 'figures@s'" in again and "Running stage 'collect@s'" not in again
-    assert "A claim of mine" in (clone / "results/s/statistics/verdicts.csv").read_text()
+    assert "A claim of mine" in (clone / "results/s/statistics/claims.csv").read_text()
     write_run(clone / "results/s", actor="bptsan")
     assert "Running stage 'report@s'" in run("dvc", "repro", cwd=clone)
     assert "BPT-SAN" in (clone / "results/s/statistics/seeds.csv").read_text()

@@ -68,23 +68,23 @@ def test_where_nothing_can_be_tested_one_sentence_names_the_reasons(tmp_path):
         write_run(tmp_path / "s", actor="aan", seed=seed)
         write_run(tmp_path / "s", seed=seed)
     content, tables = statistics(tmp_path / "s")
-    caption = tables["verdicts"]["caption"]
+    caption = tables["claims"]["caption"]
     answer = "Too few seeds to judge: no claim has more than 2 finished seeds in all of its arms; 5 are needed"
     assert content["overview"]["answer"].startswith(answer)
     assert json.dumps(content).lower().count("too few seeds to judge") == 2  # once said, once the name of a verdict
     assert caption.count("no runs on Walker2d-v4, Ant-v4 (N=111)") == 1
-    assert "Verdict" not in tables["verdicts"]["headers"] + tables["claims"]["headers"]
-    assert "too few seeds" not in json.dumps([tables["verdicts"]["rows"], tables["claims"]["rows"]])
-    assert len((tmp_path / "s/statistics/claims.csv").read_text().splitlines()) == 21  # the CSV keeps them
+    assert "Verdict" not in tables["claims"]["headers"] + tables["claims_by_task"]["headers"]
+    assert "too few seeds" not in json.dumps([tables["claims"]["rows"], tables["claims_by_task"]["rows"]])
+    assert len((tmp_path / "s/statistics/claims_by_task.csv").read_text().splitlines()) == 21  # the CSV keeps them
 
 
 def test_rows_without_an_estimate_stand_in_the_csv_only(tmp_path):
     write_grid(tmp_path / "s", {"bptsan": 500.0}, actors=("popsan", "bptsan"), seeds=5)
     _, tables = statistics(tmp_path / "s")
-    assert len(tables["claims"]["rows"]) == 1 and len(tables["verdicts"]["rows"]) == 5
-    assert "19 rows without an estimate stand in the CSV only" in tables["claims"]["caption"]
-    assert "no runs on Walker2d-v4, HalfCheetah-v4, Ant-v4" in tables["verdicts"]["caption"]
-    assert "interim, 5 of 10 seeds" in tables["verdicts"]["rows"][0][-1]
+    assert len(tables["claims_by_task"]["rows"]) == 1 and len(tables["claims"]["rows"]) == 5
+    assert "19 rows without an estimate stand in the CSV only" in tables["claims_by_task"]["caption"]
+    assert "no runs on Walker2d-v4, HalfCheetah-v4, Ant-v4" in tables["claims"]["caption"]
+    assert "interim, 5 of 10 seeds" in tables["claims"]["rows"][0][-1]
 
 
 def test_the_main_table_has_a_row_for_every_label_and_a_column_for_every_task(tmp_path):
@@ -152,7 +152,7 @@ def test_the_rule_is_computed_from_the_studys_own_claims_file(tmp_path):
     assert "adjusted p below 0.01" in rule and "adjusted p below 0.002" in rule and "within ±7 points" in rule
     assert "detected with 90% power at the first of 1 Holm steps" in rule and "Seeds 0 to 4 decide" in rule
     tables = {table["name"]: table for table in content["tables"]}
-    source = tables["verdicts"]["headers"].index("Source")
-    assert [row[source] for row in tables["verdicts"]["rows"]] == ["declared", "yours"]
+    source = tables["claims"]["headers"].index("Source")
+    assert [row[source] for row in tables["claims"]["rows"]] == ["declared", "yours"]
     pairs = (tmp_path / "s/figures/improvement-td3.csv").read_text()  # the figures follow the same file
     assert "BPT-SAN > AAN" in pairs and "w/o" not in pairs

@@ -39,7 +39,7 @@ def test_tables_have_bold_best_values_and_no_rows_that_say_nothing(paper):
     assert all(rule in main_ for rule in (r"\toprule", r"\midrule", r"\bottomrule"))
     assert main_.count(r"\bfseries") == 2  # one a task
     assert "no run" not in main_ and r"mine\_50\%" in main_
-    verdicts = (paper / "verdicts.tex").read_text()
+    verdicts = (paper / "claims.tex").read_text()
     assert "beats itself without lateral interaction" in verdicts and "synergistic" not in verdicts
     operations = (paper / "operations.tex").read_text()
     assert "Ops / AAN" in operations and "Footprint" not in operations

@@ -182,16 +182,19 @@ def test_diverged_runs_count_and_the_verdicts_without_them_stand_beside(tmp_path
 
 
 def test_two_groups_of_seeds_are_seen_and_said(tmp_path):
-    from analysis.verdicts.wording import hump_words
+    from analysis.forest_rows import rows_of
+    from analysis.verdicts.wording import bimodality_words
 
     write_grid(tmp_path / "s", actors=("popsan", "bptsan"), seeds=3, noise=20)
     for seed in (3, 4):
         write_run(tmp_path / "s", actor="popsan", seed=seed, level=3000, noise=20)
         write_run(tmp_path / "s", actor="bptsan", seed=seed, level=100, noise=20)
-    (task,) = by(judgement_of(tmp_path / "s", HOPPER), "bptsan_over_popsan").tasks
-    assert [arm.two_humps for arm in task.arms] == [True, False]
+    judgement = judgement_of(tmp_path / "s", HOPPER)
+    (task,) = by(judgement, "bptsan_over_popsan").tasks
+    assert any("two groups of seeds in BPT-SAN: the mean" in row.remark for row in rows_of(judgement, "td3"))
+    assert [arm.bimodal for arm in task.arms] == [True, False]
     assert [arm.below_half for arm in task.arms] == [0.4, 0.0]
-    assert "two groups of seeds in BPT-SAN" in hump_words(task) and "P(improvement)" in hump_words(task)
+    assert "two groups of seeds in BPT-SAN" in bimodality_words(task) and "P(improvement)" in bimodality_words(task)
 
 
 def test_under_several_algorithms_a_claim_needs_each_and_one_contradicts(tmp_path):

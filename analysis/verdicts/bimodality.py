@@ -13,7 +13,7 @@ GAP = 1.55
 TIMES_SMALLEST_EFFECT = 2.0
 
 
-def two_humps(scores: Array, smallest_effect: float) -> bool:
+def bimodal(scores: Array, smallest_effect: float) -> bool:
     """Whether one gap between neighbouring scores ``[seeds]`` (normalised) splits them; never below 5 seeds.
 
     The gap is wider than normal samples have it and wider than twice the smallest relevant effect.

@@ -1,4 +1,4 @@
-"""The tables of verdicts: each claim (layer 1), and each claim on each task (layer 2)."""
+"""The tables of claims with their verdicts: each claim (layer 1), and each claim on each task (layer 2)."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def claims_table(judgement: Judgement, title: str) -> Table:
     untested = [task for one in judgement.results for task in one.missing]
     if untested:
         caption += f" Not part of an effect: {wording.exclusions(untested)}."
-    name, empty = "verdicts", "No runs, so no verdicts."
+    name, empty = "claims", "No runs, so no verdicts."
     paper = ("Algorithm", "Claim", "Effect, points [95%]", "n", "Verdict", "p (Holm)")
     return Table(name, "verdicts", title, caption, frame, columns, empty, paper=paper)
 
@@ -137,7 +137,7 @@ def _over_algorithms(one: AlgorithmsResult) -> dict[str, object]:
     }
 
 
-def tasks_table(judgement: Judgement) -> Table:
+def claims_by_task_table(judgement: Judgement) -> Table:
     """One row per algorithm, claim and task; printed are those with an estimate."""
     pairs = [(one, task) for one in judgement.results for task in one.tasks]
     frame = pd.DataFrame([_task(one, task) for one, task in pairs], columns=list(_TASK))
@@ -176,13 +176,15 @@ def tasks_table(judgement: Judgement) -> Table:
     why = wording.exclusions(task for _, task in pairs)
     empty = f"None of these {len(pairs)} rows has an estimate: {why}." if pairs else "No runs, so no tests."
     shown = frame[measured] if pairs else None
-    return Table("claims", "statistics", "Every claim on every task", caption, frame, columns, empty, display=shown)
+    return Table(
+        "claims_by_task", "statistics", "Every claim on every task", caption, frame, columns, empty, display=shown
+    )
 
 
 _TASK = (
     "algo", "claim", "family", "env", "verdict", "difference", "low", "high", "p", "adjusted_p", "df", "normalised",
     "normalised_low", "normalised_high", "effect", "improvement", "improvement_low", "improvement_high", "n",
-    "beyond_plan", "diverged", "below_half", "two_humps", "random_for_diverged", "without_diverged", "reason",
+    "beyond_plan", "diverged", "below_half", "bimodal", "random_for_diverged", "without_diverged", "reason",
     "algorithm", "text", "task", "shown", "normalised_shown", "improvement_shown", "remark",
 )  # fmt: skip
 
@@ -213,7 +215,7 @@ def _task(one: ClaimResult, task: TaskResult) -> dict[str, object]:
         "beyond_plan": " / ".join(str(arm.beyond_plan) for arm in task.arms),
         "diverged": " / ".join(str(arm.diverged) for arm in task.arms),
         "below_half": " / ".join(f"{arm.below_half:.3g}" for arm in task.arms),
-        "two_humps": " ".join(arm.name for arm in task.arms if arm.two_humps),
+        "bimodal": " ".join(arm.name for arm in task.arms if arm.bimodal),
         "random_for_diverged": task.diverged.random_score if task.diverged else None,
         "without_diverged": task.diverged.left_out if task.diverged else None,
         "reason": task.exclusion.reason if task.exclusion else None,
@@ -225,7 +227,7 @@ def _task(one: ClaimResult, task: TaskResult) -> dict[str, object]:
         "improvement_shown": pair(*better, 2),
         "remark": _joined(
             wording.exclusions([task]) if task.exclusion and one.verdict is not Verdict.TOO_FEW_SEEDS else "",
-            wording.hump_words(task),
+            wording.bimodality_words(task),
             wording.divergence_words(task.arms, task.diverged),
         ),
     }
