@@ -12,6 +12,7 @@ import re
 import numpy as np
 import pandas as pd
 
+from analysis.data.names import in_order
 from analysis.data.study import KEYS, Study
 
 MEASURES = {
@@ -63,7 +64,9 @@ def late(study: Study) -> pd.DataFrame:
 def final_health(study: Study) -> pd.DataFrame:
     """Per arm and layer, the late means over seeds: ``algo, env, arm, layer, n`` and the measures."""
     runs, rows = late(study), []
-    for (algo, env, arm), group in runs.groupby(["algo", "env", "arm"], sort=False):
+    groups = dict(list(runs.groupby(["algo", "env", "arm"], sort=False)))
+    for algo, env, arm in in_order(groups):
+        group = groups[algo, env, arm]
         for layer in layers_of(study.training):
             values = {
                 measure: group.get(f"layer{layer}_{measure}", pd.Series(dtype=float)).mean() for measure in MEASURES

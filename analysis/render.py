@@ -94,20 +94,22 @@ def linked(words: str) -> Markup:
 
 def _one_name(table: dict[str, Any]) -> dict[str, Any]:
     """The table with the columns that name a row (algorithm, task, actor) set as one; what all rows share stands in
-    the title.
+    the title, but for the last of these columns where a number follows it.
     """
     count = table["naming"]
     rows = table["rows"]
-    if count < 2 or not rows:
+    if not count or not rows:
         return table
-    shared = [k for k in range(count - 1) if len(rows) > 1 and len({row[k] for row in rows}) == 1]
+    last = count - 1 if table["numeric"][count] else count
+    shared = [k for k in range(last) if len(rows) > 1 and len({row[k] for row in rows}) == 1]
     kept = [k for k in range(count) if k not in shared]
     title = ", ".join([table["title"], *(rows[0][k] for k in shared)])
+    names = [", ".join(table["headers"][k] for k in kept)] if kept else []
     return table | {
         "title": title,
-        "headers": [", ".join(table["headers"][k] for k in kept), *table["headers"][count:]],
-        "numeric": [False, *table["numeric"][count:]],
-        "rows": [[", ".join(row[k] for k in kept), *row[count:]] for row in rows],
+        "headers": [*names, *table["headers"][count:]],
+        "numeric": [*[False for _ in names], *table["numeric"][count:]],
+        "rows": [[*([", ".join(row[k] for k in kept)] if kept else []), *row[count:]] for row in rows],
     }
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis import metrics
-from analysis.data.names import ordered_algorithms, ordered_arms, ordered_tasks
+from analysis.data.names import in_order
 from analysis.data.outcome import Outcome, counts
 from analysis.data.study import Study
 
@@ -61,16 +60,7 @@ def cells_of(study: Study) -> list[Cell]:
     evaluations = dict(list(study.evaluations.groupby(["algo", "env", "arm"], sort=False)))
     nothing = study.evaluations.iloc[:0]
     found = dict(list(study.runs.groupby(["algo", "env", "arm"], sort=False)))
-    return [_cell(*key, found[key], evaluations.get(key, nothing)) for key in _in_order(study.runs)]
-
-
-def _in_order(runs: pd.DataFrame) -> Iterator[tuple[str, str, str]]:
-    present = set(zip(runs["algo"], runs["env"], runs["arm"]))
-    for algo in ordered_algorithms(runs["algo"]):
-        for env in ordered_tasks(runs["env"]):
-            for arm in ordered_arms(runs["arm"]):
-                if (algo, env, arm) in present:
-                    yield algo, env, arm
+    return [_cell(*key, found[key], evaluations.get(key, nothing)) for key in in_order(found)]
 
 
 def _cell(algo: str, env: str, arm: str, runs: pd.DataFrame, evaluations: pd.DataFrame) -> Cell:

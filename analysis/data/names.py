@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable
+from typing import Any
 
 #: The paper's five actors in the order of tables and legends.
 ACTORS = {
@@ -82,3 +83,18 @@ def ordered_tasks(names: Iterable[str]) -> list[str]:
 def ordered_algorithms(names: Iterable[str]) -> list[str]:
     """TD3, SAC, then others."""
     return ordered(names, ALGORITHMS)
+
+
+def in_order(cells: Iterable[tuple[Any, ...]]) -> list[tuple[str, str, str]]:
+    """Algorithms, tasks and arms in the order of tables, each triple once."""
+    present = set(cells)
+    if not present:
+        return []
+    algos, envs, arms = (set(names) for names in zip(*present))
+    return [
+        (algo, env, arm)
+        for algo in ordered_algorithms(algos)
+        for env in ordered_tasks(envs)
+        for arm in ordered_arms(arms)
+        if (algo, env, arm) in present
+    ]

@@ -11,7 +11,7 @@ import pandas as pd
 
 from analysis.data.errors import UnreadableRunError
 from analysis.data.files import MEGABYTE, read_text
-from analysis.data.names import on_one_line, ordered_algorithms, ordered_arms, ordered_tasks
+from analysis.data.names import in_order, on_one_line
 from analysis.data.pictures import Picture, small_picture
 from analysis.data.writing import write_bytes, write_json
 
@@ -61,12 +61,9 @@ def save_policies(runs: pd.DataFrame, study: Path, out: Path) -> list[str]:
 
 def _arms(runs: pd.DataFrame) -> Iterator[tuple[str, str, str, dict[int, str]]]:
     """Each arm on each task, in the order of tables, with the paths of its runs by seed."""
-    for algo in ordered_algorithms(runs["algo"]):
-        for env in ordered_tasks(runs["env"]):
-            for arm in ordered_arms(runs["arm"]):
-                mine = runs[(runs["algo"] == algo) & (runs["env"] == env) & (runs["arm"] == arm)].sort_values("seed")
-                if len(mine):
-                    yield algo, env, arm, {int(seed): str(path) for seed, path in zip(mine["seed"], mine["path"])}
+    for algo, env, arm in in_order(zip(runs["algo"], runs["env"], runs["arm"])):
+        mine = runs[(runs["algo"] == algo) & (runs["env"] == env) & (runs["arm"] == arm)].sort_values("seed")
+        yield algo, env, arm, {int(seed): str(path) for seed, path in zip(mine["seed"], mine["path"])}
 
 
 def _pictures(study: Path, path: str, notes: list[str]) -> dict[str, Picture]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from analysis.data.names import actor_name, algorithm_name, ordered_algorithms, ordered_arms, ordered_tasks, task_name
+from analysis.data.names import actor_name, algorithm_name, in_order, task_name
 from analysis.data.outcome import Outcome
 from analysis.data.study import Study
 from analysis.health import MEASURES, final_health
@@ -23,12 +23,6 @@ def _named(algo: str, env: str, arm: str) -> dict[str, object]:
         "task": task_name(env),
         "actor": actor_name(arm),
     }
-
-
-def _cells(study: Study) -> list[tuple[str, str, str]]:
-    present = set(zip(study.runs["algo"], study.runs["env"], study.runs["arm"]))
-    names = [ordered_algorithms(study.runs["algo"]), ordered_tasks(study.runs["env"]), ordered_arms(study.runs["arm"])]
-    return [(a, e, r) for a in names[0] for e in names[1] for r in names[2] if (a, e, r) in present]
 
 
 def health_table(study: Study) -> Table:
@@ -66,7 +60,7 @@ def health_table(study: Study) -> Table:
 def throughput_table(study: Study) -> Table:
     """Steps per second and hours per run, by processor: machines are not comparable."""
     rows = []
-    for algo, env, arm in _cells(study):
+    for algo, env, arm in in_order(zip(study.runs["algo"], study.runs["env"], study.runs["arm"])):
         runs = study.runs[(study.runs["algo"] == algo) & (study.runs["env"] == env) & (study.runs["arm"] == arm)]
         for processor, group in runs.groupby(runs["processor"].fillna("unknown"), sort=True):
             done = group[group["counts_as"] == Outcome.FINISHED]

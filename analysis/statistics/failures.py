@@ -64,7 +64,7 @@ def comparisons_table(judgement: Judgement) -> Table:
         ("text", "Claim", text),
         ("tasks", "Tasks", str),
         ("failed", "Failed", str),
-        ("shown", "Difference in points of percent [95%]", str),
+        ("shown", "Difference in percentage points [95%]", str),
         ("p", "p (not adjusted)", p_value),
     ]
     caption = (

@@ -7,14 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from analysis.data.names import (
-    actor_name,
-    algorithm_name,
-    ordered_algorithms,
-    ordered_arms,
-    ordered_tasks,
-    task_name,
-)
+from analysis.data.names import actor_name, algorithm_name, in_order, task_name
 from analysis.data.operations import COLUMNS
 from analysis.data.study import Study
 from analysis.energy import PRICES, UPDATE_OPERATIONS, turning_ratio
@@ -68,20 +61,10 @@ def operations_table(study: Study) -> Table:
 
 
 def _frame(study: Study) -> pd.DataFrame:
-    arms_of_tasks = [
-        (algo, env, arm)
-        for algo in ordered_algorithms(study.operations["algo"])
-        for env in ordered_tasks(study.operations["env"])
-        for arm in ordered_arms(study.operations["arm"])
-    ]
     grouped = study.operations.groupby(["algo", "env", "arm"])
     means: _Means = grouped[COLUMNS].mean().to_dict("index") if len(study.operations) else {}  # type: ignore[assignment]
     counts = grouped.size()
-    rows = [
-        _row(algo, env, arm, means, int(counts[algo, env, arm]))
-        for algo, env, arm in arms_of_tasks
-        if (algo, env, arm) in means
-    ]
+    rows = [_row(*cell, means, int(counts[cell])) for cell in in_order(means)]
     names = ["algo", "env", "arm", "algorithm", "task", "actor", "n", *COLUMNS, "connection_sparsity", "kilobytes"]
     names += ["ratio", "ratio_updates", *(f"nanojoule_{price.name}" for price in PRICES), "turning_ratio", "turns"]
     return pd.DataFrame(rows, columns=names)

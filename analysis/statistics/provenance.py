@@ -3,10 +3,19 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
 import pandas as pd
 
-from analysis.data.names import actor_name, algorithm_name, task_name
+from analysis.data.names import (
+    actor_name,
+    algorithm_name,
+    in_order,
+    ordered_algorithms,
+    ordered_arms,
+    ordered_tasks,
+    task_name,
+)
 from analysis.data.outcome import Outcome
 from analysis.data.study import Study
 from analysis.tables import Column, Table, number, text
@@ -26,29 +35,31 @@ def _seeds(values: pd.Series) -> str:
     return ", ".join(str(a) if a == b else f"{a}–{b}" for a, b in parts)
 
 
+def _reached(run: Any) -> str:
+    """``3: running, 50,000 of 100,000``."""
+    return f"{run.seed}: {run.status}, {0 if pd.isna(run.step) else int(run.step):,} of {run.total_steps:,}"
+
+
 def status_table(study: Study) -> Table:
     """Which seeds of each cell are finished, diverged, unfinished, missing, and which cells are refused."""
     rows, runs = [], study.runs
-    for algo in sorted({*runs["algo"], *(cell.algo for cell in study.refused)}):
+    for algo in ordered_algorithms({*runs["algo"], *(cell.algo for cell in study.refused)}):
         of_algo = runs[runs["algo"] == algo]
         expected = set(of_algo["seed"])
         refused = {(cell.env, cell.arm): cell.seeds for cell in study.refused if cell.algo == algo}
-        for env in sorted({*of_algo["env"], *(env for env, _ in refused)}):
-            for arm in sorted({*of_algo["arm"], *(arm for _, arm in refused)}):
+        for env in ordered_tasks({*of_algo["env"], *(env for env, _ in refused)}):
+            for arm in ordered_arms({*of_algo["arm"], *(arm for _, arm in refused)}):
                 seeds = refused.get((env, arm), ())
                 mine = of_algo[(of_algo["env"] == env) & (of_algo["arm"] == arm)]
                 by = {kind: mine.loc[mine["counts_as"] == kind, "seed"] for kind in Outcome}
                 states = mine[mine["counts_as"] == Outcome.UNFINISHED]
-                reached = "; ".join(
-                    f"{r.seed}: {r.status}, {0 if pd.isna(r.step) else int(r.step):,} of {r.total_steps:,}"
-                    for r in states.itertuples()
-                )
+                reached = "; ".join(map(_reached, states.itertuples()))
                 rows.append(
                     {
                         "algo": algo,
                         "env": env,
                         "arm": arm,
-                        "algorithm": algorithm_name(str(algo)),
+                        "algorithm": algorithm_name(algo),
                         "task": task_name(env),
                         "actor": actor_name(arm),
                         "finished": _seeds(by[Outcome.FINISHED]),
@@ -113,13 +124,15 @@ def versions_table(study: Study) -> Table:
 def cells_table(study: Study) -> Table:
     """The configuration hash of every cell (the same for all of its seeds)."""
     rows = []
-    for (algo, env, arm), group in study.runs.groupby(["algo", "env", "arm"], sort=True):
+    groups = dict(list(study.runs.groupby(["algo", "env", "arm"], sort=False)))
+    for algo, env, arm in in_order(groups):
+        group = groups[algo, env, arm]
         keys = json.loads(group["changed_keys"].iloc[0])
         rows.append(
             {
-                "algorithm": algorithm_name(str(algo)),
-                "task": task_name(str(env)),
-                "actor": actor_name(str(arm)),
+                "algorithm": algorithm_name(algo),
+                "task": task_name(env),
+                "actor": actor_name(arm),
                 "encoder": group["encoder"].iloc[0],
                 "hash": str(group["cell_hash"].iloc[0])[:16],
                 "changed": ", ".join(f"{k}={v}" for k, v in sorted(keys.items())),

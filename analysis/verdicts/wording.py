@@ -123,16 +123,16 @@ def confound_words(result: ClaimResult, values: bool = False) -> str:
     """``confounded by the learning rate and the number of parameters``, with the arms' values where asked for."""
     if not values:
         return f"confounded by {_and(result.confounds)}" if result.confounds else ""
-    found: dict[tuple[str, str], list[str]] = {}
+    found: dict[str, dict[str, list[str]]] = {}
     for task in result.tasks:
         for confound in task.confounds:
-            found.setdefault((confound.name, confound.values), []).append(task_name(task.env))
+            found.setdefault(confound.name, {}).setdefault(confound.values, []).append(task_name(task.env))
     with_runs = sum(bool(task.arms) and all(arm.n for arm in task.arms) for task in result.tasks)
     shown = []
-    for (name, each), envs in found.items():
-        where = f" on {', '.join(envs)}" if len(envs) < with_runs else ""
-        shown.append(f"{name} ({each}{where})")
-    return f"confounded by {', '.join(shown)}" if shown else ""
+    for name, tasks in found.items():
+        each = [f"{words} on {', '.join(envs)}" if len(envs) < with_runs else words for words, envs in tasks.items()]
+        shown.append(f"{name} ({'; '.join(each)})")
+    return f"confounded by {_and(shown)}" if shown else ""
 
 
 def own_reference_words(tasks: Iterable[TaskResult]) -> str:

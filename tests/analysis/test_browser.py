@@ -30,7 +30,9 @@ PROBE = """<script>addEventListener("load", () => {
     return box.right > innerWidth + 1 && !(scroller && scroller.scrollWidth >= e.offsetWidth);
   }).length;
   const requests = performance.getEntriesByType("resource").filter(r => !r.name.startsWith("data:")).length;
-  const found = {wide, height, sideways, hidden, images: images.length, broken, clipped, requests};
+  const names = [...document.querySelectorAll(".scroll th:first-child")].filter(e => e.offsetWidth > 0);
+  const narrow = names.filter(e => e.offsetWidth < 90).length;
+  const found = {narrow, wide, height, sideways, hidden, images: images.length, broken, clipped, requests};
   TELL(`PROBE ${Object.entries(found).map(pair => pair.join("=")).join(" ")}`);
 });</script></body>"""
 IN_PAGE = PROBE.replace("TELL(", "document.title = (")
@@ -124,6 +126,7 @@ def test_a_phone_sees_no_sideways_scrolling(mixed_report, tmp_path):
     )
     values = told("PROBE", browse(frame, tmp_path, 800, "--dump-dom", "--virtual-time-budget=5000").stdout)
     assert (values["wide"], values["sideways"], values["clipped"], values["broken"]) == ("0", "0", "0", "0")
+    assert values["narrow"] == "0", "names stand in a column of a few letters"
 
 
 def test_clicks_do_what_they_say(mixed_report, tmp_path):

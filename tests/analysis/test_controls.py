@@ -93,7 +93,7 @@ def test_the_table_of_claims_has_a_column_for_controls_and_the_values_of_confoun
     assert removes == ["", "the learning rate", "the number of parameters",
                        "the learning rate, the number of parameters", "the population code"]  # fmt: skip
     assert table["rows"][0][-1] == (
-        "confounded by the learning rate (0.0001 for BPT-SAN, 0.001 for AAN), the number of parameters "
+        "confounded by the learning rate (0.0001 for BPT-SAN, 0.001 for AAN) and the number of parameters "
         "(127,442 for BPT-SAN, 71,942 for AAN)"
     )
 

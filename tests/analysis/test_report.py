@@ -85,6 +85,22 @@ def test_stages_one_by_one_give_what_report_gives(mixed_report, tmp_path):
     assert [name for name in first if first[name] != second[name]] == []
 
 
+def test_what_all_rows_share_stands_in_the_title_of_a_table_and_rows_in_one_order(mixed_report):
+    html = page(mixed_report)
+    assert "The claims at 100,000 steps, TD3 (" in html and 'data-title="Every claim on every task, TD3"' in html
+    rows = {}
+    for name in ("table-spiking_health", "table-cells", "table-runs"):
+        table = html[html.index(f'id="{name}"') :]
+        rows[name] = [
+            words
+            for words in re.findall(r'<th scope="row">([^<]*)</th>', table[: table.index("</table>")])
+            if "radius" not in words
+        ]
+    first = ["Hopper-v4, AAN", "Hopper-v4, Regular SAN (PopSAN)", "Hopper-v4, BPT-SAN w/o NDT"]
+    assert rows["table-cells"][:3] == rows["table-runs"][:3] == first
+    assert list(dict.fromkeys(rows["table-spiking_health"]))[:2] == first[1:]
+
+
 def test_it_begins_with_verdicts_then_the_table_and_names_what_is_missing(mixed_report):
     html = page(mixed_report)
     first = html.index('class="answer"')

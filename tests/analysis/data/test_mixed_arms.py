@@ -52,7 +52,7 @@ def test_the_report_shows_a_mixed_cell_as_refused_and_the_other_cells(tmp_path):
     page = (tmp_path / "s/report/report.md").read_text()
     assert "td3/hopper/bptsan was refused (seeds 0, 3)" in page and "actor.lateral.radius: 2 against 4" in page
     status = (tmp_path / "s/statistics/runs.csv").read_text()
-    assert "td3,hopper,bptsan" in status and status.splitlines()[1].endswith('"0, 3"')
+    assert "td3,hopper,bptsan" in status and status.splitlines()[2].endswith('"0, 3"')
     assert "1 more cell refused" in page and "| BPT-SAN | refused |" in page
     assert "the notes name the keys): BPT-SAN on Hopper-v4 with TD3." in page
 
