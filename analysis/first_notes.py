@@ -12,7 +12,7 @@ from analysis.data.study import Study, flat_configuration
 from analysis.verdicts import ClaimResult, Judgement
 from analysis.verdicts.wording import confound_words
 
-MOST_CLAIMS = 6
+MOST_CLAIMS = 2
 
 
 def first_notes(study: Study, cells: list[Cell], judgement: Judgement) -> list[str]:
@@ -91,8 +91,10 @@ def _not_removed(results: list[ClaimResult]) -> list[str]:
 
 
 def _quoted(names: list[str]) -> str:
-    more = f" and {len(names) - MOST_CLAIMS} more claims" if len(names) > MOST_CLAIMS else ""
-    return ", ".join(f"“{name}”" for name in names[:MOST_CLAIMS]) + more
+    """A few names, or how many there are: each claim says it for itself."""
+    if len(names) > MOST_CLAIMS:
+        return f"{len(names)} claims, each of which says so below"
+    return " and ".join(f"“{name}”" for name in names)
 
 
 def _noise(here: list[Cell]) -> str:

@@ -100,6 +100,7 @@ def _row(row: ForestRow, at: Any) -> dict[str, Any]:
     return {
         "pooled": row.pooled,
         "label": row.label,
+        "control": row.control,
         "n": row.n.removeprefix("n="),
         "effect": row.effect,
         "verdict": row.verdict,

@@ -17,7 +17,7 @@ class ForestRow:
     """A claim (``pooled``) or one of its tasks; ``estimate``, ``low``, ``high`` in normalised points, NaN if unknown.
 
     ``effect``: the same in words. ``verdict``: empty where none is due. ``remark``: why there is no effect, or what
-    tempers it.
+    tempers it. ``control``: which confound the claim removes.
     """
 
     pooled: bool
@@ -32,6 +32,7 @@ class ForestRow:
     verdict: str
     tone: str
     remark: str
+    control: str = ""
 
     def record(self) -> dict[str, Any]:
         """For the CSV of the figure."""
@@ -59,14 +60,14 @@ def _claim(result: ClaimResult, judgement: Judgement) -> ForestRow:
     remark = f"over {over}" if tasks else "no task with comparable finished runs"
     if result.stage is Stage.INTERIM:
         remark += f"; interim, {result.n} of {judgement.rule.planned_seeds} seeds"
-    if result.every_task is not None:
+    if result.every_task is not None and every > 1:
         remark += f"; on every task: {result.every_task}"
-    remark = "; ".join(filter(None, (remark, removes_words(result.claim), confound_words(result))))
+    remark = "; ".join(filter(None, (remark, confound_words(result))))
     verdict = "" if judgement.too_few_seeds else verdict_words(result)
     return ForestRow(
         True, result.claim.name, str(result.claim.family), result.claim.text, f"n={result.n}", contrast.estimate,
         contrast.low, contrast.high, pair(contrast.estimate, contrast.low, contrast.high, 1), verdict,
-        _tone(result.verdict), remark,
+        _tone(result.verdict), remark, removes_words(result.claim),
     )  # fmt: skip
 
 

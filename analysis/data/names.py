@@ -14,8 +14,14 @@ ACTORS = {
     "bptsan_wo_li": "BPT-SAN w/o LI",
     "bptsan": "BPT-SAN",
 }
-#: Actors of other papers.
-OTHER_ACTORS = {"popdan": "Pop-DAN", "mdcsan": "MDC-SAN", "ilcsan": "ILC-SAN", "lif_san": "LIF-SAN"}
+#: Actors of other papers, and controls.
+OTHER_ACTORS = {
+    "aan_matched": "AAN (matched)",
+    "popdan": "Pop-DAN",
+    "mdcsan": "MDC-SAN",
+    "ilcsan": "ILC-SAN",
+    "lif_san": "LIF-SAN",
+}
 TASKS = {
     "hopper": "Hopper-v4",
     "walker2d": "Walker2d-v4",

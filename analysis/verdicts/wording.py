@@ -15,6 +15,7 @@ from analysis.verdicts.results import (
     Reason,
     Stage,
     TaskResult,
+    Verdict,
     WithoutDivergence,
 )
 
@@ -27,6 +28,8 @@ REASONS = {
     Reason.TOO_FEW_SEEDS: "too few finished seeds of {arms} on {tasks}",
     Reason.NO_VARIANCE: "no variance between the seeds of {arms} on {tasks}",
 }
+#: More claims of one verdict that decides nothing are not named in the headline.
+MOST_CLAIMS = 5
 FAMILIES = {
     Family.DECLARED: "declared",
     Family.USER: "yours",
@@ -171,13 +174,15 @@ def headline(judgement: Judgement) -> str:
     for where, words, text in chosen:
         groups.setdefault(where, {}).setdefault(words, []).append(text)
     return " ".join(
-        f"{where}: {'; '.join(f'{words}: {_list(texts)}' for words, texts in kinds.items())}."
+        f"{where}: {'; '.join(f'{words}: {_list(words, texts)}' for words, texts in kinds.items())}."
         for where, kinds in groups.items()
     )
 
 
-def _list(texts: list[str]) -> str:
-    return ", ".join(texts)
+def _list(words: str, texts: list[str]) -> str:
+    """The claims of a verdict; of many that decide nothing their number."""
+    open_ends = (str(Verdict.UNDECIDED), str(Verdict.NOT_TESTABLE), str(Verdict.TOO_FEW_SEEDS))
+    return f"{len(texts)} claims" if words in open_ends and len(texts) > MOST_CLAIMS else ", ".join(texts)
 
 
 def _and(names: Sequence[str]) -> str:

@@ -28,6 +28,15 @@ def test_the_headline_names_every_answer_and_says_where_the_plan_is_not_done(tmp
     assert "TD3 (interim, 6 of 10 seeds): supported" in wording.headline(judgement_of(tmp_path / "s", planned=10))
 
 
+def test_many_claims_that_are_not_decided_are_counted_and_decided_ones_named(tmp_path):
+    write_grid(tmp_path / "s", {"aan": 3000.0}, actors=("aan", "popsan", "bptsan"), seeds=5, noise=300)
+    study = read_study(tmp_path / "s")
+    equal, unequal = HOPPER.claims[0], HOPPER.claims[1]
+    claims = (*(replace(equal, name=f"c{k}", text=f"claim {k}") for k in range(6)), unequal)
+    words = wording.headline(judge(study, cells_of(study), replace(HOPPER, planned_seeds=5, claims=claims)))
+    assert words == "TD3: undecided: 6 claims; contradicted: BPT-SAN beats the artificial network (AAN)."
+
+
 def test_under_several_algorithms_the_headline_is_about_all_of_them(tmp_path):
     write_grid(tmp_path / "s", {"bptsan": 1500.0}, algos=("td3", "sac"), actors=("popsan", "bptsan"), seeds=5, noise=30)
     assert wording.headline(judgement_of(tmp_path / "s")).startswith(
