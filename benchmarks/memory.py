@@ -110,7 +110,7 @@ def bytes_allocated_per_byte_sampled(path: Path, count: int = 50, batch: int = 1
     with _Allocations() as allocations:
         burst = sample_minibatches(replay, count, batch)
     allocated = sum(storage.nbytes() for storage in allocations.made.values()) - count * batch * 8
-    replay.close()
+    replay.log.close()
     return allocated / sum(x.numel() * x.element_size() for x in burst)
 
 
