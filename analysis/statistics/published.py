@@ -38,6 +38,10 @@ def published_table(cells: list[Cell]) -> Table:
         "10% of the steps. v4 has v3's dynamics on another simulator. Protocols differ otherwise, in batch sizes, "
         "learning rates or normalisation."
     )
+    if any(score.task == "ant" and score.version == "v3" for _, score in pairs):
+        caption += (
+            f" Ant-v3's contact values are 0 on MuJoCo 2.0 and later, as those of {task_name('ant_zero_contact')}."
+        )
     frame = (
         pd.DataFrame([_row(*pair) for pair in pairs]) if pairs else pd.DataFrame(columns=[key for key, *_ in columns])
     )

@@ -88,4 +88,6 @@ def test_without_runs_it_says_so():
 
 def test_ants_of_other_dimensions_are_other_tasks(tmp_path):
     run(tmp_path / "s", env="ant")
-    assert sources(table(tmp_path / "s")) == ["MDC-SAN paper", "OpenAI Spinning Up"]
+    found = table(tmp_path / "s")
+    assert sources(found) == ["MDC-SAN paper", "OpenAI Spinning Up"]
+    assert found.caption.endswith("as those of Ant-v4 (N=111, contacts 0).")
