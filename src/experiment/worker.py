@@ -55,14 +55,16 @@ def execute(run: Run, progress: Progress, also_stop: Callable[[], bool] | None =
 
 
 def _execute(run: Run, progress: Progress, also_stop: Callable[[], bool] | None) -> Outcome:
-    with acquire(run) as (directory, found):
+    # signals are ours until the outcome is recorded: a second SIGTERM would leave a manifest that says `running`
+    with process.stop_request() as stop, acquire(run) as (directory, found):
+        stop_requested = stop if also_stop is None else lambda: stop() or also_stop()
         if found.action is Next.SKIP:
             return Outcome(RunState.COMPLETE, found.step, "already complete")
         if found.action is Next.DIVERGED:
             return Outcome(RunState.DIVERGED, found.step, found.reason)
         heartbeat = Heartbeat(directory, progress)
         try:
-            outcome = _train(run, directory, heartbeat, also_stop)
+            outcome = _train(run, directory, heartbeat, stop_requested)
         except KeyboardInterrupt:
             directory.update_manifest(
                 status=RunState.INTERRUPTED, step=heartbeat.step, wall_time_seconds=heartbeat.wall_time_seconds
@@ -80,13 +82,11 @@ def _execute(run: Run, progress: Progress, also_stop: Callable[[], bool] | None)
         return outcome
 
 
-def _train(run: Run, directory: RunDirectory, progress: Progress, also_stop: Callable[[], bool] | None) -> Outcome:
+def _train(run: Run, directory: RunDirectory, progress: Progress, stop_requested: Callable[[], bool]) -> Outcome:
     process.set_threads_before_torch(run.config.threads)
-    with process.stop_request() as stop:
-        from src.training.session import train  # torch loads here, after the thread variables are set
+    from src.training.session import train  # torch loads here, after the thread variables are set
 
-        stop_requested = stop if also_stop is None else lambda: stop() or also_stop()
-        return train(run.config, directory, progress, stop_requested)
+    return train(run.config, directory, progress, stop_requested)
 
 
 def _record(directory: RunDirectory, heartbeat: Heartbeat, outcome: Outcome) -> None:

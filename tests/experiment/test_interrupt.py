@@ -97,7 +97,22 @@ def test_a_killed_launcher_leaves_no_orphan(tmp_path, gate, without):
     sweep.communicate()
     wait_for(lambda: not any(alive(pid) for pid in jobs))
     log = (run_path(tmp_path) / "state" / "log.txt").read_text()
-    assert manifest(tmp_path, 0)["status"] == "interrupted", log
+    files = sorted(path.name for path in (run_path(tmp_path) / "state").iterdir())
+    assert manifest(tmp_path, 0)["status"] == "interrupted", (log, files, calls(tmp_path, 0))
+
+
+def test_a_second_sigterm_while_the_first_is_being_obeyed_loses_no_record(tmp_path, gate):
+    """Whoever asks twice, as a cluster or an impatient person does, must not leave a manifest that says `running`."""
+    sweep = start(tmp_path, *GRID, gate=str(gate), recording=2)
+    wait_for(lambda: len(waiting(gate, 0, 1)) == 2)
+    jobs = pids(tmp_path, (0, 1))
+    sweep.kill()
+    sweep.communicate()
+    wait_for(lambda: all((run_path(tmp_path, seed) / "state" / "recording").exists() for seed in (0, 1)))
+    for pid in jobs:
+        os.kill(pid, signal.SIGTERM)
+    wait_for(lambda: not any(alive(pid) for pid in jobs))
+    assert [manifest(tmp_path, seed)["status"] for seed in (0, 1)] == ["interrupted"] * 2
 
 
 def test_two_launchers_at_once_run_no_cell_twice(tmp_path, gate):

@@ -44,7 +44,7 @@ def changes(actor: str, disturb: Callable[[Actor], None]) -> dict[str, tuple[tor
 @pytest.mark.parametrize("disturbance", [*SEVERITIES, TIME_STEPS])
 def test_severity_zero_is_the_plain_evaluation(tiny_run: Path, disturbance: str) -> None:
     path = tiny_run / "policy.pt"
-    plain = evaluate.play(path, episodes=2, seed=4)
+    _, plain = evaluate.play(path, episodes=2, seed=4)
     assert play_condition(path, Condition(disturbance, 0.0), 2, 4).episodes == plain
 
 
@@ -54,7 +54,7 @@ def test_every_disturbance_changes_what_is_played_and_the_same_each_time(tiny_ru
     severity = SEVERITIES.get(disturbance, (-4.0,))[-1]
     first, again = (play_condition(path, Condition(disturbance, severity), 2, 4).episodes for _ in range(2))
     assert first == again
-    assert first != evaluate.play(path, episodes=2, seed=4)
+    assert first != evaluate.play(path, episodes=2, seed=4)[1]
 
 
 @pytest.mark.parametrize("actor", ACTORS)
@@ -165,7 +165,7 @@ def test_the_command_writes_every_condition_and_the_same_bytes_again(
         ("time steps", "-1"),
         ("time steps", "5"),
     }
-    plain = evaluate.play(tiny_run / "policy.pt", episodes=2, seed=4)
+    _, plain = evaluate.play(tiny_run / "policy.pt", episodes=2, seed=4)
     assert [float(row["return"]) for row in rows[:2]] == [episode_return for episode_return, _ in plain]
 
 

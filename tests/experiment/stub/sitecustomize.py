@@ -2,8 +2,9 @@
 
 ``STUB`` is JSON: what a run does by its seed ("raise", "exit", "kill", "hang", "hang in native code", "enospc",
 "diverge"), "gate", the folder of a gate at which every run waits at step 500 and later (see tests/gate), and
-"importing", seconds before a job can take a signal; "without", functions of the C library that are taken away. torch
-can't be imported: neither the parent nor the rim needs it.
+"importing", seconds before a job can take a signal; "recording", seconds that recording an interruption takes;
+"without", functions of the C library that are taken away. torch can't be imported: neither the parent nor the rim
+needs it.
 """
 
 import ctypes
@@ -71,8 +72,22 @@ def train(config, run, progress, stop_requested):
         (run.state / "replay.bin").touch()
         progress.update(step, float(step) / 3, 100.0)
         if stop_requested() and step < total:
+            if "recording" in plan:
+                record_slowly(run, plan["recording"])
             return Outcome("interrupted", step, f"checkpoint written at step {step}")
     return Outcome("complete", step, "")
+
+
+def record_slowly(run, seconds):
+    """How the run ended is recorded only after a while, whose beginning ``state/recording`` shows."""
+    update = run.update_manifest
+
+    def slow(**changes):
+        (run.state / "recording").touch()
+        time.sleep(seconds)
+        update(**changes)
+
+    run.update_manifest = slow
 
 
 if "STUB" in os.environ:
