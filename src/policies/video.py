@@ -84,6 +84,14 @@ def rendering(config: EnvConfig) -> EnvConfig:
     return replace(config, kwargs=config.kwargs | kwargs)
 
 
+def _draw_floor_without_end(environment: gymnasium.Env) -> None:
+    """A runner leaves the floor as it is drawn; contacts know it as a plane without end in any case."""
+    import mujoco  # which chooses its renderer when it is imported: not before one was chosen
+
+    model = environment.unwrapped.model  # type: ignore[attr-defined]
+    model.geom_size[model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE, :2] = 0.0
+
+
 class Film:
     """Frames of an environment into ``episode.mp4``, and some of them into a strip; a context manager.
 
@@ -94,6 +102,7 @@ class Film:
 
     def __init__(self, environment: gymnasium.Env, path: Path) -> None:
         self._environment, self._path = environment, path
+        _draw_floor_without_end(environment)
         fps = environment.metadata.get("render_fps", _MOST_FPS)
         self._every = math.ceil(fps / _MOST_FPS)
         self._fps = fps / self._every

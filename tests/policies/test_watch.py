@@ -86,6 +86,20 @@ def test_the_camera_follows_the_body(tmp_path: Path) -> None:
     assert video.rendering(tiny(tmp_path, env="halfcheetah").env).kwargs["camera_name"] == "track"
 
 
+def test_the_floor_has_no_end_in_the_film_and_is_the_same_to_the_body(tmp_path: Path) -> None:
+    """A cheetah that has learnt to run is soon beyond the floor as Gymnasium draws it."""
+    config = tiny(tmp_path, env="halfcheetah").env
+    plain, filmed = video.make_gym(config), video.make_gym(config)
+    video.Film(filmed, tmp_path / "episode.mp4")
+    model = filmed.unwrapped.model
+    assert model.geom("floor").size[:2].tolist() == [0.0, 0.0] and plain.unwrapped.model.geom("floor").size[0] > 0
+    for each in (plain, filmed):
+        each.reset(seed=0)
+        each.unwrapped.set_state(each.unwrapped.data.qpos + np.eye(9)[0] * 1000, each.unwrapped.data.qvel)
+    for _ in range(30):
+        assert all(np.array_equal(a, b) for a, b in zip(*(each.step(np.ones(6))[:2] for each in (plain, filmed))))
+
+
 def test_the_film_has_a_frame_for_every_step(tiny_run: Path, tmp_path: Path) -> None:
     """In a process of its own: MuJoCo chooses its renderer when it is imported."""
     imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
