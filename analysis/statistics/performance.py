@@ -26,7 +26,8 @@ def mean_and_std(values: np.ndarray) -> tuple[float, float]:
     return mean, float(values.std(ddof=1)) if len(values) > 1 else np.nan
 
 
-def _names(cell: Cell) -> dict[str, object]:
+def cell_names(cell: Cell) -> dict[str, object]:
+    """Which cell a row is of: for programs, then for people."""
     return {
         "algo": cell.algo,
         "env": cell.env,
@@ -51,7 +52,7 @@ def final_table(cells: list[Cell]) -> Table:
         diverged = int(cell.diverged.sum())
         rows.append(
             {
-                **_names(cell),
+                **cell_names(cell),
                 "n": cell.n,
                 "mean": mean,
                 "mean_low": mean_low,
@@ -97,7 +98,7 @@ def maxima_table(cells: list[Cell]) -> Table:
         of_mean, of_max = metrics.max_of_mean(cell.steps, cell.returns), metrics.mean_of_max(cell.returns)
         rows.append(
             {
-                **_names(cell),
+                **cell_names(cell),
                 "n": cell.n,
                 "max_of_mean": of_mean.value,
                 "max_of_mean_std": of_mean.std,
@@ -128,7 +129,7 @@ def seeds_table(cells: list[Cell]) -> Table:
     """Each run's final performance and own maximum."""
     rows = [
         {
-            **_names(cell),
+            **cell_names(cell),
             "seed": int(seed),
             "final": float(final),
             "maximum": float(np.nanmax(curve)),

@@ -11,7 +11,7 @@ from analysis.data.arms import algorithm_and_arm
 from analysis.data.cells import Cell
 from analysis.data.names import actor_name, algorithm_name, ordered_tasks, task_name
 from analysis.published import NOT_STATED, TASKS, PublishedScore, Statistic, published
-from analysis.statistics.performance import mean_and_std
+from analysis.statistics.performance import cell_names, mean_and_std
 from analysis.tables import Column, Table, number, spread, text
 
 _PUBLISHED_TASKS = {"hopper": "Hopper", "walker2d": "Walker2d", "halfcheetah": "HalfCheetah", "ant": "Ant"}
@@ -87,12 +87,7 @@ def _row(cell: Cell, score: PublishedScore) -> dict[str, object]:
     mean, std = _ours(cell, score.statistic)
     name = f"{_PUBLISHED_TASKS[score.task]}-{score.version or f'v? ({NOT_STATED})'}"
     return {
-        "algo": cell.algo,
-        "env": cell.env,
-        "arm": cell.arm,
-        "algorithm": algorithm_name(cell.algo),
-        "task": task_name(cell.env),
-        "actor": actor_name(cell.arm),
+        **cell_names(cell),
         "steps": cell.training_steps,
         "statistic": str(score.statistic),
         "mean": mean,
