@@ -14,7 +14,7 @@ import torch
 
 from benchmarks.configuration import compose
 from src.algorithms.build import build_learner
-from src.algorithms.learner import Learner, Minibatches
+from src.algorithms.learner import Batch, Learner
 from src.engine import blas
 from src.streams import Streams
 from src.training.numerics import set_numerics
@@ -33,11 +33,11 @@ VARIANTS = (
 )
 
 
-def random_burst(seed: int) -> Minibatches:
+def random_burst(seed: int) -> Batch:
     """Minibatches of normalised observations and uniform actions."""
     generator = torch.Generator().manual_seed(seed)
     shape = (BURST, BATCH)
-    return Minibatches(
+    return Batch(
         observation=torch.randn(*shape, OBSERVATION_SIZE, generator=generator).clamp(-3, 3),
         action=(torch.rand(*shape, ACTION_SIZE, generator=generator) * 2 - 1) * ACTION_LIMIT,
         reward=torch.randn(*shape, generator=generator),

@@ -23,7 +23,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from benchmarks.configuration import compose  # noqa: E402
-from src.algorithms.learner import Minibatches  # noqa: E402
+from src.algorithms.learner import Batch  # noqa: E402
 from src.config.identity import Run  # noqa: E402
 from src.experiment.machine import processor  # noqa: E402
 from src.experiment.ownership import acquire  # noqa: E402
@@ -102,9 +102,9 @@ def measure(folder: Path, rows: int, interval: int, repeats: int) -> None:
     print(f"overhead at a checkpoint every {interval} steps: at most {100 * save / updates:.2f}% of updates")
 
 
-def _burst(session: TrainingSession) -> Minibatches:
+def _burst(session: TrainingSession) -> Batch:
     sample = sample_minibatches(session.replay, 50, session.config.algo.batch_size)
-    return Minibatches(*sample)
+    return Batch(*sample)
 
 
 def _write_logs(session: TrainingSession) -> None:

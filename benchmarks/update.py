@@ -17,7 +17,7 @@ from benchmarks.floor import Floor, products_of_a_burst
 from benchmarks.spread import Spread
 from benchmarks.topic import Row, Topic, console
 from src.algorithms.build import build_learner
-from src.algorithms.learner import Minibatches
+from src.algorithms.learner import Batch
 from src.config import ExperimentConfig
 from src.streams import Streams
 from src.training.numerics import set_numerics
@@ -39,14 +39,14 @@ class Timing(NamedTuple):
     library: str  # of the floor: the best of the machine
 
 
-def random_burst(count: int, batch: int, observation_size: int, action_size: int) -> Minibatches:
+def random_burst(count: int, batch: int, observation_size: int, action_size: int) -> Batch:
     """Normalised observations, actions, rewards: the values matter little to the time."""
     generator = torch.Generator().manual_seed(0)
 
     def normal(*shape: int) -> torch.Tensor:
         return torch.randn(*shape, generator=generator)
 
-    return Minibatches(
+    return Batch(
         observation=normal(count, batch, observation_size).clamp_(-3, 3),
         action=normal(count, batch, action_size).clamp_(-1, 1),
         reward=normal(count, batch),

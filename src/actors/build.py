@@ -8,7 +8,7 @@ import inspect
 import torch
 
 from src.actors.actor import Actor
-from src.actors.mlp_actor import MLPActor
+from src.actors.mlp import MLPActor
 from src.actors.population_encoder import PopulationEncoder
 from src.actors.population_mlp_actor import PopulationMLPActor
 from src.actors.spiking_actor import SpikingActor

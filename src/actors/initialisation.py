@@ -22,7 +22,7 @@ class Initialiser:
         self._streams = streams
         self._prefix = prefix
 
-    def at(self, name: str | int) -> Initialiser:
+    def at(self, name: str) -> Initialiser:
         """The initialiser of a submodule."""
         return Initialiser(self._streams, f"{self._prefix}.{name}")
 

@@ -2,7 +2,7 @@
 
     h_0 = x,   h_k = relu(h_(k-1) W_k + b_k) for k < L,   y = h_(L-1) W_L + b_L
 
-One network serves as the AAN or SAC's log standard deviation, two as the twin critics.
+Two serve as the twin critics; of one are made the AAN, SAC's log standard deviation and a proxy of an actor.
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ from itertools import pairwise
 import torch
 from torch import Tensor, nn
 
+from src.actors.actor import Actor
+from src.config import MLPActorConfig
 from src.streams import Streams
 
 
@@ -56,3 +58,49 @@ class EnsembleMLP(nn.Module):
             if k < last or self.final_relu:
                 h = torch.relu(h)
         return h
+
+
+class MLP(Actor):
+    """One such network alone; arguments as of :class:`EnsembleMLP`."""
+
+    def __init__(self, sizes: Sequence[int], streams: Streams, name: str) -> None:
+        super().__init__()
+        self.network = EnsembleMLP(sizes, 1, streams, name)
+
+    def forward(self, observation: Tensor, generator: torch.Generator | None = None) -> Tensor:
+        """Outputs ``[B, out]`` for inputs ``[B, in]``; draws nothing."""
+        output: Tensor = self.network(observation)
+        return output.squeeze(0)
+
+
+class MLPActor(Actor):
+    """AAN, the artificial actor network: ``observation -> ReLU layers (the trunk) -> linear head``.
+
+    SAC's log-std may be a second head on the trunk [SU].
+
+    Args:
+        config: hidden sizes.
+        observation_size: N.
+        action_size: M.
+        streams: the run's random streams; PyTorch's default Linear initialisation.
+    """
+
+    def __init__(self, config: MLPActorConfig, observation_size: int, action_size: int, streams: Streams) -> None:
+        super().__init__()
+        sizes = (observation_size, *config.hidden_sizes)
+        self.hidden = EnsembleMLP(sizes, 1, streams, "actor.hidden", final_relu=True)
+        self.output = EnsembleMLP((sizes[-1], action_size), 1, streams, "actor.output")
+
+    def features(self, observation: Tensor) -> Tensor:
+        """Output of the trunk, ``[B, H]``, for observations ``[B, N]``."""
+        features: Tensor = self.hidden(observation)
+        return features.squeeze(0)
+
+    def head(self, features: Tensor) -> Tensor:
+        """Raw action ``[B, M]`` for features ``[B, H]``."""
+        raw: Tensor = self.output(features)
+        return raw.squeeze(0)
+
+    def forward(self, observation: Tensor, generator: torch.Generator | None = None) -> Tensor:
+        """Raw action ``[B, M]``; draws nothing."""
+        return self.head(self.features(observation))

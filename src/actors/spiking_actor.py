@@ -7,7 +7,7 @@ Without dendrites (``branches=1``) and lateral interaction (``radius=0``) BPT-SA
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from itertools import pairwise
 from typing import cast
 
@@ -15,13 +15,12 @@ import torch
 from torch import Tensor, nn
 
 from src.actors.actor import Actor
-from src.actors.decoder import PopulationDecoder
+from src.actors.decoder import MembraneReadout, PopulationDecoder
 from src.actors.dn import DNConstants
 from src.actors.health import Activity, ActorHealth, layer_health
 from src.actors.initialisation import Initialiser
+from src.actors.lateral import OutputLateral
 from src.actors.lif import LIFConstants
-from src.actors.membrane_readout import MembraneReadout
-from src.actors.output_lateral import OutputLateral
 from src.actors.population_encoder import PopulationEncoder
 from src.actors.spiking_layer import SpikingLayer
 from src.config import EncoderConfig, SpikingActorConfig
@@ -54,13 +53,14 @@ class SpikingActor(Actor):
         initialiser = Initialiser(streams)
         masks = streams if config.mask_seed is None else Streams(config.mask_seed)
         constants = neuron_constants(config)
+        population = (action_size, config.output_population)
         self.encoder = PopulationEncoder(encoder, observation_size, config.time_steps)
         sizes = (self.encoder.size, *config.hidden_sizes, action_size * config.output_population)
         self.layers = nn.ModuleList()
         for index, (inputs, neurons) in enumerate(pairwise(sizes)):
             is_output = index == len(config.hidden_sizes)
             is_linear = is_output and not config.dendritic.output_topology
-            of_layer = initialiser.at("layers").at(index)
+            of_layer = initialiser.at(f"layers.{index}")
             layer = SpikingLayer(
                 replace(config.dendritic, branches=1) if is_linear else config.dendritic,
                 replace(config.lateral, radius=0) if is_linear else config.lateral,
@@ -69,10 +69,21 @@ class SpikingActor(Actor):
                 neurons,
                 of_layer,
                 masks.sequence("dendrite mask", index),
-                _output_lateral(config, action_size, of_layer) if is_output else None,
             )
             self.layers.append(layer)
-        self.decoder = _decoder(config, action_size, initialiser.at("decoder"))
+        if config.output_lateral != "none":  # in the last layer
+            layer.output_lateral = OutputLateral(
+                config.output_lateral,
+                config.output_lateral_bias,
+                config.lateral_gradient,
+                *population,
+                of_layer.at("output_lateral"),
+            )
+        decoder = initialiser.at("decoder")
+        if config.readout == "rate":
+            self.decoder = PopulationDecoder(*population, decoder)
+        else:
+            self.decoder = MembraneReadout(config.readout, config.readout_decay, *population, decoder)
 
     def activity(self, observation: Tensor, generator: torch.Generator | None = None) -> Activity:
         """Spikes and membrane potentials of every layer for observations ``[B, N]``.
@@ -130,10 +141,7 @@ def neuron_constants(config: SpikingActorConfig) -> LIFConstants | DNConstants:
             config.surrogate_window,
             config.reset_gradient,
             config.lateral_gradient,
-            config.dn.theta_v,
-            config.dn.theta_u,
-            config.dn.theta_r,
-            config.dn.theta_s,
+            **asdict(config.dn),
         )
     return LIFConstants(
         config.current_decay,
@@ -143,24 +151,3 @@ def neuron_constants(config: SpikingActorConfig) -> LIFConstants | DNConstants:
         config.reset_gradient,
         config.lateral_gradient,
     )
-
-
-def _output_lateral(config: SpikingActorConfig, action_size: int, initialiser: Initialiser) -> OutputLateral | None:
-    if config.output_lateral == "none":
-        return None
-    return OutputLateral(
-        config.output_lateral,
-        config.output_lateral_bias,
-        config.lateral_gradient,
-        action_size,
-        config.output_population,
-        initialiser.at("output_lateral"),
-    )
-
-
-def _decoder(
-    config: SpikingActorConfig, action_size: int, initialiser: Initialiser
-) -> PopulationDecoder | MembraneReadout:
-    if config.readout == "rate":
-        return PopulationDecoder(action_size, config.output_population, initialiser)
-    return MembraneReadout(config.readout, config.readout_decay, action_size, config.output_population, initialiser)

@@ -12,9 +12,8 @@ from torch import Tensor, nn
 
 from src.actors.dn import DNConstants, DNState, dn_step
 from src.actors.initialisation import Initialiser
-from src.actors.lateral import LateralInteraction
+from src.actors.lateral import LateralInteraction, OutputLateral
 from src.actors.lif import LIFConstants, LIFState, lif_step
-from src.actors.output_lateral import OutputLateral
 from src.actors.synapse import Synapse
 from src.config import DendriticConfig, LateralConfig
 
@@ -32,7 +31,6 @@ class SpikingLayer(nn.Module):
         neurons: n, of this layer.
         initialiser: of this module.
         partition_seed: seed sequence of the dendritic partition.
-        output_lateral: of an output population whose neurons reach each other's current.
     """
 
     def __init__(
@@ -44,13 +42,12 @@ class SpikingLayer(nn.Module):
         neurons: int,
         initialiser: Initialiser,
         partition_seed: np.random.SeedSequence,
-        output_lateral: OutputLateral | None = None,
     ) -> None:
         super().__init__()
         self.constants = constants
         self.synapse = Synapse(dendritic, inputs, neurons, initialiser.at("synapse"), partition_seed)
         self.lateral = LateralInteraction(lateral, neurons, initialiser.at("lateral")) if lateral.radius else None
-        self.output_lateral = output_lateral
+        self.output_lateral: OutputLateral | None = None  # of an output population whose neurons reach each other
 
     def forward(self, spikes: Tensor) -> tuple[Tensor, Tensor]:
         """Spikes ``[T, B, inputs]`` to the spikes and membrane potentials (before the reset) ``[T, B, n]``."""

@@ -10,12 +10,12 @@ from torch import Tensor
 
 from src.actors.actor import Actor
 from src.actors.build import build_actor
-from src.algorithms.critic import TwinCritic
+from src.actors.mlp import MLP
 from src.algorithms.learner import Learner, UpdateStreams
-from src.algorithms.policy import LogStdNetwork
+from src.algorithms.networks import TwinCritic
 from src.algorithms.sac import SAC
 from src.algorithms.td3 import TD3
-from src.algorithms.td3_proxy import ProxyActor, TD3Proxy
+from src.algorithms.td3_proxy import TD3Proxy
 from src.config import ConfigurationError, ExperimentConfig, TD3Config, TD3ProxyConfig
 from src.streams import Streams
 
@@ -45,14 +45,14 @@ def build_learner(
     )
     engine = engine_for(config, actor)
     if isinstance(algo, TD3ProxyConfig):
-        proxy = ProxyActor(observation_size, action_size, algo.proxy_hidden_sizes, streams).to(config.device)
-        return TD3Proxy(algo, actor, critic, proxy, action_limit, update_streams)
+        proxy = MLP((observation_size, *algo.proxy_hidden_sizes, action_size), streams, "proxy")
+        return TD3Proxy(algo, actor, critic, proxy.to(config.device), action_limit, update_streams)
     if isinstance(algo, TD3Config):
         return (engine.TD3 if engine else TD3)(algo, actor, critic, action_limit, update_streams)
     if algo.log_std_network == "shared":
-        log_std = LogStdNetwork(config.actor.hidden_sizes[-1], action_size, streams, ())  # type: ignore[union-attr]
+        log_std = MLP((config.actor.hidden_sizes[-1], action_size), streams, "log_std")  # type: ignore[union-attr]
     else:
-        log_std = LogStdNetwork(observation_size, action_size, streams, algo.log_std_hidden_sizes)
+        log_std = MLP((observation_size, *algo.log_std_hidden_sizes, action_size), streams, "log_std")
     return (engine.SAC if engine else SAC)(algo, actor, log_std.to(config.device), critic, action_limit, update_streams)
 
 

@@ -11,33 +11,25 @@ import torch
 from torch import Tensor, nn
 
 from src.actors.health import ActorHealth
-from src.algorithms.critic import TwinCritic
 from src.algorithms.metrics import BurstRecord, Diverged
-from src.algorithms.policy import DeterministicPolicy
+from src.algorithms.networks import DeterministicPolicy, TwinCritic
 
 
-class Minibatch(NamedTuple):
-    """What one update learns from."""
+class Batch(NamedTuple):
+    """Transitions to learn from: one minibatch of B, or, contiguous, the C of a burst.
 
-    observation: Tensor  # [B, N]
-    action: Tensor  # [B, M]
-    reward: Tensor  # [B]
-    next_observation: Tensor  # [B, N]
-    terminated: Tensor  # [B], 1.0 where the episode ended by itself
+    C is ``minibatches_per_update`` times the burst's updates.
+    """
 
+    observation: Tensor  # [B, N], or [C, B, N]
+    action: Tensor  # [B, M], or [C, B, M]
+    reward: Tensor  # [B], or [C, B]
+    next_observation: Tensor  # as observation
+    terminated: Tensor  # as reward; 1.0 where the episode ended by itself
 
-class Minibatches(NamedTuple):
-    """The C minibatches of one burst, contiguous; C is ``minibatches_per_update`` times its updates."""
-
-    observation: Tensor  # [C, B, N]
-    action: Tensor  # [C, B, M]
-    reward: Tensor  # [C, B]
-    next_observation: Tensor  # [C, B, N]
-    terminated: Tensor  # [C, B], 1.0 where the episode ended by itself
-
-    def one_by_one(self) -> Iterator[Minibatch]:
-        """The minibatches in their order."""
-        return (Minibatch(*parts) for parts in zip(*self))
+    def minibatches(self) -> Iterator[Batch]:
+        """The minibatches of a burst in their order."""
+        return map(Batch._make, zip(*self))
 
 
 class UpdateStreams(NamedTuple):
@@ -71,7 +63,7 @@ class Learner(ABC):
         """Exploring actions ``[B, M]`` for normalised observations ``[B, N]``."""
 
     @abstractmethod
-    def learn(self, burst: Minibatches) -> dict[str, float]:
+    def learn(self, burst: Batch) -> dict[str, float]:
         """One critic update per ``minibatches_per_update`` minibatches; returns the means of the burst.
 
         Raises:

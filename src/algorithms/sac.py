@@ -16,11 +16,10 @@ from torch import Tensor
 
 from src.actors.actor import Actor
 from src.actors.health import NOTHING_SPIKES, ActorHealth
-from src.actors.mlp_actor import MLPActor
-from src.algorithms.critic import TwinCritic
-from src.algorithms.learner import Learner, Minibatches, UpdateStreams, adam, polyak_update
+from src.actors.mlp import MLP, MLPActor
+from src.algorithms.learner import Batch, Learner, UpdateStreams, adam, polyak_update
 from src.algorithms.metrics import BurstRecord
-from src.algorithms.policy import DeterministicPolicy, LogStdNetwork
+from src.algorithms.networks import DeterministicPolicy, TwinCritic
 from src.algorithms.td3 import critic_loss
 from src.config import SACConfig
 
@@ -86,7 +85,8 @@ class SAC(Learner):
     Args:
         config: hyper-parameters.
         actor: network ``[B, N] -> mean [B, M]``; with ``log_std_network="shared"`` an :class:`MLPActor`.
-        log_std: network of the log standard deviation.
+        log_std: network of the log standard deviation before it is clamped: on the observation, so that only the mean
+            spikes [PopSAN], or with ``log_std_network="shared"`` a linear layer on the actor's trunk [SU].
         critic: the twin critics.
         action_limit: bound of the actions.
         streams: exploration noise, the policy's noise in updates, and encoder draws.
@@ -96,7 +96,7 @@ class SAC(Learner):
         self,
         config: SACConfig,
         actor: Actor,
-        log_std: LogStdNetwork,
+        log_std: MLP,
         critic: TwinCritic,
         action_limit: float,
         streams: UpdateStreams,
@@ -134,17 +134,16 @@ class SAC(Learner):
     @torch.no_grad()
     def explore(self, observation: Tensor) -> Tensor:
         """A sample of the policy."""
-        shape = (len(observation), self.log_std.action_size)
-        noise = torch.randn(shape, generator=self.streams.exploration).to(observation)
         policy, _ = self.gaussian(observation)
+        noise = torch.randn(policy.mean.shape, generator=self.streams.exploration).to(observation)
         return tanh_gaussian(*policy, noise, self.bounds)[0]
 
-    def learn(self, burst: Minibatches) -> dict[str, float]:
+    def learn(self, burst: Batch) -> dict[str, float]:
         """See :meth:`Learner.learn`; the noise of the burst is drawn at its start, by use and minibatch."""
         config = self.config
         record = BurstRecord()
         noise = torch.randn((2, *burst.action.shape), generator=self.streams.update_noise).to(burst.action)
-        for index, (batch, target_noise, actor_noise) in enumerate(zip(burst.one_by_one(), *noise)):
+        for index, (batch, target_noise, actor_noise) in enumerate(zip(burst.minibatches(), *noise)):
             with torch.no_grad():
                 policy, _ = self.gaussian(batch.next_observation)
                 next_action, next_log_probability = tanh_gaussian(*policy, target_noise, self.bounds)

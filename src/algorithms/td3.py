@@ -13,10 +13,9 @@ import torch
 from torch import Tensor
 
 from src.actors.actor import Actor
-from src.algorithms.critic import TwinCritic
-from src.algorithms.learner import Learner, Minibatch, Minibatches, UpdateStreams, adam, polyak_update
+from src.algorithms.learner import Batch, Learner, UpdateStreams, adam, polyak_update
 from src.algorithms.metrics import BurstRecord
-from src.algorithms.policy import DeterministicPolicy
+from src.algorithms.networks import DeterministicPolicy, TwinCritic
 from src.config import TD3Config
 
 
@@ -90,7 +89,7 @@ class TD3(Learner):
         scale = self.config.exploration_noise * self.action_limit
         return (action + scale * noise).clamp(-self.action_limit, self.action_limit)
 
-    def learn(self, burst: Minibatches) -> dict[str, float]:
+    def learn(self, burst: Batch) -> dict[str, float]:
         """See :meth:`Learner.learn`; the noise of the burst is drawn at its start, in units of the action limit."""
         config = self.config
         record = BurstRecord()
@@ -128,9 +127,9 @@ class TD3(Learner):
             self.critic_updates += 1
         return record.means()
 
-    def minibatches(self, burst: Minibatches, record: BurstRecord) -> Iterator[Minibatch]:
+    def minibatches(self, burst: Batch, record: BurstRecord) -> Iterator[Batch]:
         """The minibatch of each update, drawn as it comes."""
-        return burst.one_by_one()
+        return burst.minibatches()
 
     def follow_targets(self) -> None:
         """The targets' step: ``target <- polyak * target + (1 - polyak) * online``."""

@@ -10,40 +10,17 @@ else is :class:`src.algorithms.td3.TD3`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import torch
 from torch import Tensor
 
 from src.actors.actor import Actor
-from src.actors.mlp import EnsembleMLP
-from src.algorithms.critic import TwinCritic
-from src.algorithms.learner import Minibatch, Minibatches, UpdateStreams, adam, polyak_update
+from src.algorithms.learner import Batch, UpdateStreams, adam, polyak_update
 from src.algorithms.metrics import BurstRecord
-from src.algorithms.policy import DeterministicPolicy
+from src.algorithms.networks import DeterministicPolicy, TwinCritic
 from src.algorithms.td3 import TD3
 from src.config import TD3ProxyConfig
-from src.streams import Streams
-
-
-class ProxyActor(Actor):
-    """``observation -> ReLU layers -> raw action``.
-
-    Args:
-        observation_size: N.
-        action_size: M.
-        hidden_sizes: widths of the hidden layers.
-        streams: the run's random streams; PyTorch's default Linear initialisation.
-    """
-
-    def __init__(self, observation_size: int, action_size: int, hidden_sizes: Sequence[int], streams: Streams) -> None:
-        super().__init__()
-        self.network = EnsembleMLP((observation_size, *hidden_sizes, action_size), 1, streams, "proxy")
-
-    def forward(self, observation: Tensor, generator: torch.Generator | None = None) -> Tensor:
-        """Raw action ``[B, M]``; draws nothing."""
-        raw: Tensor = self.network(observation)
-        return raw.squeeze(0)
 
 
 def proxy_loss(proxy_action: Tensor, action: Tensor) -> Tensor:
@@ -79,9 +56,9 @@ class TD3Proxy(TD3):
         self.modules["proxy"] = proxy
         self.optimizers["proxy"] = adam(config.proxy_learning_rate, proxy)
 
-    def minibatches(self, burst: Minibatches, record: BurstRecord) -> Iterator[Minibatch]:
+    def minibatches(self, burst: Batch, record: BurstRecord) -> Iterator[Batch]:
         """The last of each K minibatches, after the proxy has learnt from all of them."""
-        for number, batch in enumerate(burst.one_by_one(), start=1):
+        for number, batch in enumerate(burst.minibatches(), start=1):
             with torch.no_grad():
                 action = self.policy(batch.observation, self.streams.encoder)
             loss = proxy_loss(self.target_policy(batch.observation), action)

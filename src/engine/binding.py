@@ -9,10 +9,10 @@ from torch import Tensor, nn
 from torch.nn.utils import parametrize
 
 from src.actors.actor import Actor
-from src.actors.decoder import PopulationDecoder
+from src.actors.decoder import MembraneReadout
 from src.actors.health import ActorHealth
 from src.actors.lif import LIFConstants
-from src.actors.mlp_actor import MLPActor
+from src.actors.mlp import MLPActor
 from src.actors.spiking_actor import SpikingActor
 from src.algorithms.metrics import BurstRecord
 from src.config import AlgoConfig, TD3ProxyConfig
@@ -62,7 +62,7 @@ def _unknown_choice(actor: SpikingActor) -> str | None:
         return "other neurons than clif (actor.neuron)"
     if any(layer.output_lateral is not None for layer in layers):
         return "connections within the output population (actor.output_lateral)"
-    if not isinstance(actor.decoder, PopulationDecoder):
+    if isinstance(actor.decoder, MembraneReadout):
         return "membrane readouts (actor.readout)"
     return None
 

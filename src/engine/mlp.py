@@ -10,8 +10,7 @@ import torch
 from torch import Tensor, nn
 
 from src.actors.health import NOTHING_SPIKES, ActorHealth
-from src.actors.mlp import EnsembleMLP
-from src.actors.mlp_actor import MLPActor
+from src.actors.mlp import EnsembleMLP, MLPActor
 from src.engine import blas, mlp_kernels
 from src.engine.bound import VJP, BoundActor, NotCopyable
 from src.engine.records import MLP_LAYER

@@ -13,9 +13,9 @@ import torch
 from torch import Tensor
 
 from src.actors.health import NOTHING_SPIKES, ActorHealth
-from src.actors.mlp_actor import MLPActor
+from src.actors.mlp import MLPActor
 from src.algorithms import sac
-from src.algorithms.learner import Minibatches
+from src.algorithms.learner import Batch
 from src.algorithms.metrics import BurstRecord
 from src.engine import tanh_gaussian
 from src.engine.binding import bind, record_health
@@ -66,17 +66,17 @@ class FastSAC(sac.SAC):
     @torch.no_grad()
     def explore(self, observation: Tensor) -> Tensor:
         """A sample of the policy, ``[B, M]`` for ``[B, N]``."""
-        noise = torch.randn((len(observation), self.log_std.action_size), generator=self.streams.exploration)
         if self._shared_trunk:
             features = self._trunk.forward(observation).squeeze(0)
             mean, log_std = (head.forward(features).squeeze(0) for head in (self._mean, self._log_std))
         else:
             mean = self._actor.act(observation, self.streams.encoder)
             log_std = self._log_std.forward(observation).squeeze(0)
+        noise = torch.randn(mean.shape, generator=self.streams.exploration)
         return tanh_gaussian.sample(mean, log_std, noise, self._bounds).action
 
     @torch.no_grad()
-    def learn(self, burst: Minibatches) -> dict[str, float]:
+    def learn(self, burst: Batch) -> dict[str, float]:
         """See :meth:`src.algorithms.sac.SAC.learn`."""
         for flat in self.flat.values():
             flat.check()

@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from src.algorithms import td3
-from src.algorithms.learner import Minibatches
+from src.algorithms.learner import Batch
 from src.algorithms.metrics import BurstRecord
 from src.engine.binding import bind, record_health
 from src.engine.flat import FlatAdam, FlatParameters
@@ -41,7 +41,7 @@ class FastTD3(td3.TD3):
         return self._actor.act(observation, generator)
 
     @torch.no_grad()
-    def learn(self, burst: Minibatches) -> dict[str, float]:
+    def learn(self, burst: Batch) -> dict[str, float]:
         """See :meth:`src.algorithms.td3.TD3.learn`."""
         for flat in self.flat.values():
             flat.check()

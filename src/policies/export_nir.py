@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from src.actors.decoder import PopulationDecoder
+from src.actors.decoder import MembraneReadout
 from src.actors.lif import LIFConstants
 from src.actors.spiking_actor import SpikingActor
 from src.config import ConfigurationError
@@ -73,7 +73,7 @@ def refuse(trained: TrainedPolicy) -> None:
     assert isinstance(actor, SpikingActor)
     if actor.encoder.coding == "analog":
         raise ConfigurationError(f"{name}: --to nir takes spikes of an encoder, not analog input; use --to onnx.")
-    if not isinstance(actor.decoder, PopulationDecoder):
+    if isinstance(actor.decoder, MembraneReadout):
         raise ConfigurationError(f"{name}: --to nir has the readout by firing rates only; use --to onnx.")
     for number, layer in enumerate(actor.spiking_layers(), start=1):
         if layer.synapse.branches > 1:

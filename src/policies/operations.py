@@ -25,7 +25,7 @@ from torch import Tensor
 
 from src.actors.actor import Actor
 from src.actors.population_encoder import PopulationEncoder
-from src.algorithms.policy import DeterministicPolicy
+from src.algorithms.networks import DeterministicPolicy
 from src.experiment.files import replace_file
 from src.policies.trace import Connections, Trace, trace
 from src.training.evaluation import Evaluator

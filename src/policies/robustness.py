@@ -12,7 +12,7 @@ from typing import NamedTuple
 import gymnasium
 
 from src.actors.build import build_actor
-from src.algorithms.policy import DeterministicPolicy
+from src.algorithms.networks import DeterministicPolicy
 from src.config import ConfigurationError, SpikingActorConfig
 from src.experiment.files import replace_file
 from src.experiment.run_directory import ROBUSTNESS_FILE

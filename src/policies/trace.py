@@ -15,9 +15,8 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from src.actors.actor import Actor
-from src.actors.membrane_readout import MembraneReadout
-from src.actors.mlp import EnsembleMLP
-from src.actors.mlp_actor import MLPActor
+from src.actors.decoder import MembraneReadout
+from src.actors.mlp import EnsembleMLP, MLPActor
 from src.actors.population_mlp_actor import PopulationMLPActor
 from src.actors.spiking_actor import SpikingActor
 

@@ -13,7 +13,7 @@ from torch import Tensor
 from src.actors.build import build_actor
 from src.algorithms.build import acting
 from src.algorithms.learner import Learner
-from src.algorithms.policy import DeterministicPolicy
+from src.algorithms.networks import DeterministicPolicy
 from src.config import ExperimentConfig, to_dict, validate
 from src.streams import Streams
 from src.training.checkpoint import read_archive, write_archive

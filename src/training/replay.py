@@ -13,7 +13,7 @@ from torchrl.data.replay_buffers import ReplayBuffer, Storage
 from torchrl.data.replay_buffers.samplers import Sampler
 from torchrl.data.replay_buffers.writers import Writer
 
-from src.algorithms.learner import Minibatches
+from src.algorithms.learner import Batch
 from src.training.collection import Transitions
 from src.training.transition_log import TransitionLog
 
@@ -40,13 +40,13 @@ class Replay(ReplayBuffer):
         self.log, self.generator = log, generator
 
 
-def sample_minibatches(buffer: Replay, count: int, batch_size: int) -> Minibatches:
+def sample_minibatches(buffer: Replay, count: int, batch_size: int) -> Batch:
     """The minibatches of a burst of ``count`` updates in one draw: the replay does not change during the burst.
 
     Observations are as they were observed: not normalised.
     """
     columns = buffer.sample(count * batch_size)
-    return Minibatches(*(column.view(count, batch_size, *column.shape[1:]) for column in columns))
+    return Batch(*(column.view(count, batch_size, *column.shape[1:]) for column in columns))
 
 
 class _Stateless:

@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from src.algorithms.build import build_learner
-from src.algorithms.learner import Minibatches
+from src.algorithms.learner import Batch
 from src.algorithms.metrics import METRICS, Diverged, IntervalMeans, health_columns
 from src.config import ConfigurationError, ExperimentConfig
 from src.experiment.progress import Progress
@@ -164,7 +164,7 @@ class TrainingSession:
             return
         count = p.update_every * self.learner.minibatches_per_update
         sample = sample_minibatches(self.replay, count, self.config.algo.batch_size)
-        burst = Minibatches(
+        burst = Batch(
             observation=self.normalizer.normalize(sample.observation).to(device),
             action=sample.action.to(device),
             reward=sample.reward.to(device),

@@ -12,7 +12,7 @@ from torch import nn
 from benchmarks.stepwise import StepwiseSpikingActor
 from src.actors.actor import Actor
 from src.actors.build import build_actor
-from src.actors.mlp_actor import MLPActor
+from src.actors.mlp import MLPActor
 from src.actors.spiking_actor import SpikingActor
 from src.config import ConfigurationError
 from src.streams import Streams

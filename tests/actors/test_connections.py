@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 from src.actors.decoder import PopulationDecoder
 from src.actors.initialisation import Initialiser
 from src.actors.lateral import LateralInteraction, neighbour_offsets
-from src.actors.partition import dendritic_partition
-from src.actors.synapse import Synapse, maxout
+from src.actors.synapse import Synapse, dendritic_partition, maxout
 from src.config import ConfigurationError
 from src.streams import Streams
 from tests.actors.configuration import configuration

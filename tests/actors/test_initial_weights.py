@@ -10,8 +10,8 @@ import torch
 from torch import nn
 
 from src.actors.build import build_actor
-from src.algorithms.critic import TwinCritic
-from src.algorithms.policy import LogStdNetwork
+from src.actors.mlp import MLP
+from src.algorithms.networks import TwinCritic
 from src.streams import Streams
 from tests.actors.configuration import configuration
 
@@ -79,8 +79,8 @@ def test_spiking_actors_start_from_the_same_weights(actor: str) -> None:
 def test_the_other_networks_start_from_the_same_weights() -> None:
     assert_pinned(build_actor(configuration("aan", "task"), 11, 3, Streams(0)), AAN)
     assert_pinned(TwinCritic(11, 3, (256, 256), Streams(0)), CRITIC)
-    assert_pinned(LogStdNetwork(11, 3, Streams(0), (256, 256)), LOG_STD)
-    assert_pinned(LogStdNetwork(256, 3, Streams(0), ()), LOG_STD_HEAD)
+    assert_pinned(MLP((11, 256, 256, 3), Streams(0), "log_std"), LOG_STD)
+    assert_pinned(MLP((256, 3), Streams(0), "log_std"), LOG_STD_HEAD)
 
 
 def test_other_seeds_start_elsewhere() -> None:

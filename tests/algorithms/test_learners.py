@@ -12,9 +12,9 @@ from torch import Tensor, nn
 
 from src.actors.actor import Actor
 from src.algorithms.build import build_learner
-from src.algorithms.critic import TwinCritic
-from src.algorithms.learner import Learner, Minibatches, UpdateStreams
+from src.algorithms.learner import Batch, Learner, UpdateStreams
 from src.algorithms.metrics import Diverged
+from src.algorithms.networks import TwinCritic
 from src.algorithms.sac import SAC
 from src.algorithms.td3 import TD3
 from src.config import ConfigurationError, CustomActorConfig
@@ -39,9 +39,9 @@ def make_learner(algo: str, actor: str, encoder: str, backend: str = "plain", **
     return learner
 
 
-def make_burst(seed: int, count: int = 7, batch: int = 20) -> Minibatches:
+def make_burst(seed: int, count: int = 7, batch: int = 20) -> Batch:
     g = torch.Generator().manual_seed(seed)
-    return Minibatches(
+    return Batch(
         torch.randn(count, batch, N, generator=g).clamp(-3, 3),
         torch.rand(count, batch, M, generator=g) * 2 - 1,
         torch.randn(count, batch, generator=g),
@@ -340,7 +340,7 @@ def test_learning_in_double_precision_is_learning_in_single_to_rounding(algo: st
     single.streams = UpdateStreams(*(Streams(SEED).torch(name) for name in ("exploration", "noise", "encoder")))
     burst = make_burst(1, count=3)
     report = single.learn(burst)
-    exact = double.learn(Minibatches(*(x.double() for x in burst)))
+    exact = double.learn(Batch(*(x.double() for x in burst)))
     assert report == pytest.approx(exact, rel=1e-3, abs=1e-4)
     for p in double.modules["actor"].parameters():
         assert p.dtype == torch.float64
@@ -354,6 +354,6 @@ def test_learning_in_double_precision_is_learning_in_single_to_rounding(algo: st
 def test_learning_on_a_gpu_is_learning_on_the_cpu_to_rounding(algo: str, actor: str) -> None:
     cpu, gpu = (make_learner(algo, actor, "task", device=device) for device in ("cpu", "cuda"))
     burst = make_burst(1, count=3)
-    report = gpu.learn(Minibatches(*(x.cuda() for x in burst)))
+    report = gpu.learn(Batch(*(x.cuda() for x in burst)))
     assert report == pytest.approx(cpu.learn(burst), rel=1e-2, abs=1e-3)
     assert gpu.act(burst.observation[0].cuda(), Streams(1).torch("evaluation")).device.type == "cuda"

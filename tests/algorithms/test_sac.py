@@ -10,7 +10,7 @@ from torchrl.modules import NormalParamExtractor, ProbabilisticActor, TanhNormal
 from torchrl.objectives import SACLoss
 
 from src.algorithms import sac
-from src.algorithms.critic import TwinCritic
+from src.algorithms.networks import TwinCritic
 from src.algorithms.td3 import critic_loss
 from src.streams import Streams
 from tests.algorithms.test_td3 import DISCOUNT, LIMIT, B, M, N, _Critic, copy_critic, make_batch

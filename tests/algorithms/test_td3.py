@@ -9,7 +9,7 @@ from torchrl.modules import ValueOperator
 from torchrl.objectives import TD3Loss
 
 from src.algorithms import td3
-from src.algorithms.critic import TwinCritic
+from src.algorithms.networks import TwinCritic
 from src.streams import Streams
 
 N, M, B, DISCOUNT, LIMIT = 5, 2, 16, 0.99, 1.0

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from src.algorithms.build import build_learner
-from src.algorithms.learner import Minibatches
+from src.algorithms.learner import Batch
 from src.streams import Streams
 from tests.helpers import make_config
 
@@ -26,7 +26,7 @@ def learners(algo, actor, encoder, **overrides):
 
 def burst(seed, count=7, batch=20):
     generator = torch.Generator().manual_seed(seed)
-    return Minibatches(
+    return Batch(
         torch.randn(count, batch, N, generator=generator).clamp(-3, 3),
         (torch.rand(count, batch, M, generator=generator) * 2 - 1) * LIMIT,
         torch.randn(count, batch, generator=generator),

@@ -1,9 +1,8 @@
-"""Policy heads: what an algorithm adds to an actor's raw output.
-
-TD3 squashes it: ``a = tanh(raw) * limit``. SAC takes it as the mean of a tanh-Gaussian.
-"""
+"""What an algorithm adds to an actor: the policy that squashes its raw output, and the twin critics."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import torch
 from torch import Tensor, nn
@@ -37,25 +36,21 @@ class DeterministicPolicy(nn.Module):
         return torch.tanh(raw) * self.action_limit
 
 
-class LogStdNetwork(nn.Module):
-    """SAC's log standard deviation, before it is clamped to [log_std_min, log_std_max] (:func:`sac.tanh_gaussian`).
-
-    ``separate``: a ReLU network on the normalised observation, so that only the mean spikes [PopSAN];
-    ``shared``: a linear layer on the trunk of the multilayer perceptron [SU].
+class TwinCritic(nn.Module):
+    """Q1 and Q2, MLPs ``[o, a] -> hidden -> 1`` with ReLU [SU].
 
     Args:
-        input_size: N, or the width of the trunk.
+        observation_size: N.
         action_size: M.
+        hidden_sizes: widths of the hidden layers.
         streams: the run's random streams.
-        hidden_sizes: widths of the hidden layers; none on a trunk.
     """
 
-    def __init__(self, input_size: int, action_size: int, streams: Streams, hidden_sizes: tuple[int, ...]) -> None:
+    def __init__(self, observation_size: int, action_size: int, hidden_sizes: Sequence[int], streams: Streams) -> None:
         super().__init__()
-        self.action_size = action_size
-        self.network = EnsembleMLP([input_size, *hidden_sizes, action_size], 1, streams, "log_std")
+        self.networks = EnsembleMLP([observation_size + action_size, *hidden_sizes, 1], 2, streams, "critic")
 
-    def forward(self, features: Tensor) -> Tensor:
-        """``[B, M]`` for ``[B, input_size]``."""
-        log_std: Tensor = self.network(features)
-        return log_std.squeeze(0)
+    def forward(self, observation: Tensor, action: Tensor) -> Tensor:
+        """Values ``[2, B]`` of observations ``[B, N]`` (normalised) and actions ``[B, M]``, in its units."""
+        value: Tensor = self.networks(torch.cat([observation, action], dim=-1))
+        return value.squeeze(-1)
