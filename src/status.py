@@ -10,29 +10,21 @@ import argparse
 import json
 import sys
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from statistics import fmean
 from typing import Any, NamedTuple
 
 from rich.console import Console
 from rich.table import Table
 
 from src.config.identity import Difference, differences
-from src.experiment.files import last_row, mean_returns
+from src.experiment.files import last_speed, mean_returns
 from src.experiment.plan import compared_on_disk
-from src.experiment.progress import duration, number
+from src.experiment.progress import duration, number, say
 from src.experiment.run_directory import RunState
 from src.experiment.state import ExitCode, exit_code, inspect_run
 from src.paths import repository_path
-
-_STATES = (
-    RunState.COMPLETE,
-    RunState.RUNNING,
-    RunState.INTERRUPTED,
-    RunState.FAILED,
-    RunState.DIVERGED,
-    RunState.NOT_STARTED,
-)
 
 
 class SeedStatus(NamedTuple):
@@ -107,16 +99,19 @@ def _seed_status(path: Path) -> SeedStatus:
     seen = inspect_run(path)
     if seen.manifest is None:
         return SeedStatus(_seed(path), seen.state, 0, 0, None, None, None, seen.why)
-    row = last_row(path / "training.csv")
-    rate = float(row.get("steps_per_second") or 0) if row else 0.0
+    rate = last_speed(path / "training.csv")
     if seen.state == RunState.COMPLETE and seen.manifest.wall_time_seconds > 0:
         rate = seen.step / seen.manifest.wall_time_seconds
     total = seen.manifest.total_steps
     returns = mean_returns(path / "evaluations.csv")
     newest = returns[max(returns)] if returns else None
-    tenth = [mean for step, mean in returns.items() if seen.state == RunState.COMPLETE and step > 0.9 * total]
-    final = sum(tenth) / len(tenth) if tenth else None
+    final = _mean(mean for step, mean in returns.items() if seen.state == RunState.COMPLETE and step > 0.9 * total)
     return SeedStatus(_seed(path), seen.state, seen.step, total, newest, final, rate or None, seen.why)
+
+
+def _mean(values: Iterable[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return fmean(known) if known else None
 
 
 def _mixed(paths: Sequence[Path]) -> str:
@@ -160,26 +155,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def show(grid: Sequence[Row], console: Console) -> None:
     """A row per configuration, its seeds by state; then why what failed has failed."""
     count = Counter(run.state for row in grid for run in row.runs)
-    present = [state for state in _STATES if count[state]]
+    present = {state: "done" if state == RunState.COMPLETE else state.value for state in RunState if count[state]}
     missing = sum(len(row.missing) for row in grid)
     table = Table(box=None, pad_edge=False, header_style="bold")
     for column in ("algo", "env", "label", "encoder"):
         table.add_column(column, overflow="fold")
-    for state in present:
-        table.add_column("done" if state == RunState.COMPLETE else state)
-    if missing:
-        table.add_column("missing")
+    for word in (*present.values(), *["missing"] * bool(missing)):
+        table.add_column(word)
     for column in ("last eval.", "last 10 %", "steps", "steps/s", "time left"):
         table.add_column(column, justify="right", no_wrap=True)
     for row in grid:
         seeds = [ranges(row.seeds(state)) for state in present] + ([ranges(row.missing)] if missing else [])
         table.add_row(row.algo, row.env, row.label, row.encoder, *seeds, *_progress(row.runs))
     console.print(table)
-    totals = [f"{count[state]} {'done' if state == RunState.COMPLETE else state}" for state in present]
+    totals = [f"{count[state]} {word}" for state, word in present.items()]
     if missing:
         totals.append(f"{missing} missing")
-    console.print("runs: " + ", ".join(totals) + "  (the columns above list seeds)", highlight=False)
-    _print(
+    say(console, "runs: " + ", ".join(totals) + "  (the columns above list seeds)")
+    say(
         console,
         "last eval.: mean return of each seed's newest evaluation; last 10 %: of the evaluations in the last 10 % of "
         "the steps, of complete runs; both are means over the seeds that have one",
@@ -187,24 +180,22 @@ def show(grid: Sequence[Row], console: Console) -> None:
     for row in grid:
         for run in row.runs:
             if run.state in (RunState.FAILED, RunState.DIVERGED):
-                _print(console, f"{run.state}: {row.name}/seed_{run.seed}: {run.why}")
+                say(console, f"{run.state}: {row.name}/seed_{run.seed}: {run.why}")
         if row.mixed:
-            _print(console, f"not one configuration: {row.name}: {row.mixed}")
+            say(console, f"not one configuration: {row.name}: {row.mixed}")
 
 
 def _progress(runs: Sequence[SeedStatus]) -> tuple[str, str, str, str, str]:
     """Mean of the newest and of the final returns, steps (the least), speed (the mean), time left (the longest)."""
-    newest = [run.last_return for run in runs if run.last_return is not None]
-    final = [run.final_return for run in runs if run.final_return is not None]
-    rates = [run.steps_per_second for run in runs if run.steps_per_second]
+    rate = _mean(run.steps_per_second for run in runs)
     left = [run.seconds_left for run in runs if run.state == RunState.RUNNING and run.seconds_left is not None]
     totals = sorted({run.total_steps for run in runs})
     lengths = thousands(totals[0]) if len(totals) == 1 else f"{thousands(totals[0])}..{thousands(totals[-1])}"
     return (
-        number(sum(newest) / len(newest) if newest else None),
-        number(sum(final) / len(final) if final else None),
+        number(_mean(run.last_return for run in runs)),
+        number(_mean(run.final_return for run in runs)),
         f"{thousands(min(run.step for run in runs))}/{lengths}",
-        f"{sum(rates) / len(rates):.0f}" if rates else "-",
+        "-" if rate is None else f"{rate:.0f}",
         duration(max(left)) if left else "-",
     )
 
@@ -232,10 +223,6 @@ def as_json(row: Row) -> dict[str, object]:
     """The row with its runs as plain objects."""
     runs = [run._asdict() | {"seconds_left": run.seconds_left} for run in row.runs]
     return row._asdict() | {"runs": runs, "missing": list(row.missing)}
-
-
-def _print(console: Console, text: str) -> None:
-    console.print(text, highlight=False, markup=False, soft_wrap=True)
 
 
 if __name__ == "__main__":

@@ -13,9 +13,9 @@ from rich.table import Table
 from rich.text import Text
 
 from src.experiment.cost import cost
-from src.experiment.files import last_return, last_row
+from src.experiment.files import last_return, last_speed
 from src.experiment.plan import NAMED, Plan, PlannedRun
-from src.experiment.progress import duration, number, time_left
+from src.experiment.progress import duration, number, pace, say
 from src.experiment.run_directory import ManifestError, RunState
 from src.experiment.state import ExitCode, Next, RunResult, exit_code
 from src.paths import shown_path
@@ -29,29 +29,21 @@ def show_plan(plan: Plan, console: Console, jobs_at_once: int, with_cost: bool) 
     """Print what will be done: a line per group of seeds, then the runs that need a word."""
     counts = Counter(each.next.action for each in plan.runs)
     studies = sorted({shown_path(each.run.path.parents[5]) for each in plan.runs})
-    console.print(
+    say(
+        console,
         f"{len(plan.runs)} run{'s' * (len(plan.runs) != 1)} in {', '.join(studies)}: {len(plan.to_do)} to do, "
         f"{counts[Next.SKIP] + counts[Next.DIVERGED]} done, {counts[Next.BUSY]} busy",
-        highlight=False,
-        soft_wrap=True,
     )
     if len(plan.runs) > 1:
         console.print(_plan_table(plan, [action for action in Next if counts[action]]))
     else:
-        _print(console, shown_path(plan.runs[0].run.path))
-    for action in (
-        Next.RESUME,
-        Next.RETRY,
-        Next.EXTEND,
-        Next.REPLACE,
-        Next.DIVERGED,
-        Next.BUSY,
-    ):
+        say(console, shown_path(plan.runs[0].run.path))
+    for action in (each for each in Next if each not in (Next.RUN, Next.SKIP)):
         concerned = plan.having(action)
         for each in concerned[:NAMED]:
-            _print(console, f"{action}: {each.name} ({each.next.reason})")
+            say(console, f"{action}: {each.name} ({each.next.reason})")
         if len(concerned) > NAMED:
-            _print(console, f"... and {len(concerned) - NAMED} more to {action}")
+            say(console, f"... and {len(concerned) - NAMED} more to {action}")
     if with_cost and plan.to_do:
         _show_cost(plan, console, jobs_at_once)
 
@@ -77,7 +69,7 @@ def _show_cost(plan: Plan, console: Console, jobs_at_once: int) -> None:
     basis = (
         "from the runs in the results folder" if estimate.measured else "rough: some rates are defaults, not measured"
     )
-    _print(
+    say(
         console,
         f"about {duration(estimate.clock_hours * 3600)} with {jobs_at_once} at once, "
         f"{estimate.core_hours:.1f} core-hours ({basis})\n"
@@ -97,20 +89,18 @@ class SweepDisplay:
         self._runs = runs
         self._ended = 0
         self._last = time.monotonic()
-        self._live = Live(console=console, auto_refresh=False, transient=True) if console.is_terminal else None
+        self._live = Live(console=console, auto_refresh=False, transient=True)  # shows nothing but on a terminal
 
     def __enter__(self) -> SweepDisplay:
-        if self._live:
-            self._live.start()
+        self._live.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._live:
-            self._live.stop()
+        self._live.stop()
 
     def started(self, planned: PlannedRun) -> None:
         """A job has begun."""
-        if self._live is None:
+        if not self._console.is_terminal:
             self.note(f"[{self._ended}/{self._runs}] {planned.name} started")
 
     def ended(self, result: RunResult, seconds: float) -> None:
@@ -125,15 +115,15 @@ class SweepDisplay:
 
     def note(self, text: str) -> None:
         """One permanent line."""
-        _print(self._console, text)
+        say(self._console, text)
 
     def show(self, running: Sequence[PlannedRun], waiting: int) -> None:
         """Refresh, if the last time was long enough ago."""
-        if time.monotonic() - self._last < (_REFRESH_SECONDS if self._live else _LINE_SECONDS):
+        if time.monotonic() - self._last < (_REFRESH_SECONDS if self._console.is_terminal else _LINE_SECONDS):
             return
         self._last = time.monotonic()
         rows = [(each.name, *_how_far(each)) for each in running]
-        if self._live is None:
+        if not self._console.is_terminal:
             for row in rows:
                 self.note(f"[{self._ended}/{self._runs}] {' '.join(row)}")
             return
@@ -152,11 +142,9 @@ def _how_far(planned: PlannedRun) -> tuple[str, str]:
         manifest = None
     if manifest is None:
         return "starting", ""
-    row = last_row(planned.run.path / "training.csv")
-    rate = float(row.get("steps_per_second") or 0) if row else 0.0
-    left = time_left(manifest.total_steps - manifest.step, rate)
-    shown = number(last_return(planned.run.path / "evaluations.csv"))
-    return f"{manifest.step}/{manifest.total_steps}", f"return {shown}  {rate:.0f} steps/s  {left} left"
+    speed = last_speed(planned.run.path / "training.csv")
+    shown = pace(last_return(planned.run.path / "evaluations.csv"), speed, manifest.total_steps - manifest.step)
+    return f"{manifest.step}/{manifest.total_steps}", shown
 
 
 def show_summary(results: Sequence[RunResult], busy_before: int, console: Console) -> ExitCode:
@@ -166,7 +154,7 @@ def show_summary(results: Sequence[RunResult], busy_before: int, console: Consol
     if busy_before:
         parts.append(f"{busy_before} left to another launcher")
         count[RunState.BUSY] += busy_before
-    _print(console, f"finished: {', '.join(parts)}")
+    say(console, f"finished: {', '.join(parts)}")
     well = (RunState.COMPLETE, RunState.INTERRUPTED, RunState.NOT_STARTED)
     unwell = [result for result in results if result.state not in well]
     width = max((len(result.state) for result in unwell), default=0)
@@ -176,7 +164,3 @@ def show_summary(results: Sequence[RunResult], busy_before: int, console: Consol
             flush=True,
         )
     return exit_code(count)
-
-
-def _print(console: Console, text: str) -> None:
-    console.print(text, highlight=False, markup=False, soft_wrap=True)

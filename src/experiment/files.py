@@ -151,6 +151,12 @@ def last_row(path: Path) -> dict[str, str] | None:
     return dict(zip(lines[0].split(","), lines[-1].split(","))) if len(lines) > 1 else None
 
 
+def last_speed(path: Path) -> float:
+    """Steps per second of the last interval in a ``training.csv``; 0 where there is none."""
+    row = last_row(path)
+    return float(row.get("steps_per_second") or 0) if row else 0.0
+
+
 def last_return(path: Path) -> float | None:
     """Mean return of the last evaluation in an ``evaluations.csv``; None where there is none."""
     means = mean_returns(path)

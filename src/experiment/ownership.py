@@ -59,12 +59,11 @@ def acquire(run: Run) -> Iterator[tuple[RunDirectory, NextAction]]:
         OSError: it can't be written.
     """
     directory = RunDirectory(run.path)
-    lock = lock_of(run.path)
     try:
-        lock.acquire()
+        held = lock_of(run.path).acquire()
     except Timeout:
         raise BusyError(f"{run.name}: held by a live process") from None
-    try:
+    with held:
         if not wait_for_stale_heartbeat(directory):
             raise BusyError(f"{run.name}: running on another machine")
         found = next_action(run, lock_is_ours=True)
@@ -77,8 +76,6 @@ def acquire(run: Run) -> Iterator[tuple[RunDirectory, NextAction]]:
             replace_file(directory.state / "owner", machine.boot_token().encode())
             prepare(run, directory, found)
         yield directory, found
-    finally:
-        lock.release()
 
 
 def conflict_message(run: Run, found: NextAction) -> str:
@@ -190,48 +187,33 @@ def record_failure(directory: RunDirectory, kind: str, message: str, step: int, 
     )
 
 
-def record_death(run: Run, killed: str, unfinished: Sequence[RunState] = (RunState.RUNNING,)) -> None:
-    """Write into the manifest what a dead process could not: it failed.
+def record_death(
+    run: Run, killed: str, unfinished: Sequence[RunState] = (RunState.RUNNING,), status: RunState = RunState.FAILED
+) -> None:
+    """Write into the manifest what a dead process could not: that it failed, or was interrupted.
 
     Args:
         run: whose process it was.
         killed: what is known of its death.
         unfinished: the manifest's states that this death puts right.
+        status: ``failed``, or ``interrupted`` (which needs no record where the run has not begun).
     """
-    with _of_a_dead_process(run, killed) as directory:
-        if directory is None:
-            return
-        manifest = directory.read_manifest()
-        if manifest is None:
-            prepare(run, directory, NextAction(Next.RUN))
-        elif manifest.status not in unfinished:
-            return
-        last = directory.manifest
-        record_failure(directory, killed.partition(" (")[0], killed, last.step, last.wall_time_seconds)
-
-
-def record_interruption(run: Run, word: str) -> None:
-    """Write ``interrupted`` into a manifest that a dead process has left at ``running``."""
-    if not run.path.exists():
+    directory = RunDirectory(run.path)
+    if status == RunState.INTERRUPTED and not (run.path / "manifest.json").exists():
         return
-    with _of_a_dead_process(run, word) as directory:
-        manifest = directory.read_manifest() if directory else None
-        if directory and manifest and manifest.status == RunState.RUNNING:
-            directory.update_manifest(status=RunState.INTERRUPTED)
-
-
-@contextmanager
-def _of_a_dead_process(run: Run, word: str) -> Iterator[RunDirectory | None]:
-    """The run directory under our lock; None where somebody else has acquired it meanwhile."""
-    lock = lock_of(run.path)
     try:
-        lock.acquire()
+        with lock_of(run.path):
+            manifest = directory.read_manifest()
+            if manifest is None:
+                prepare(run, directory, NextAction(Next.RUN))
+            elif manifest.status not in unfinished:
+                return
+            if status == RunState.INTERRUPTED:
+                directory.update_manifest(status=status)
+                return
+            last = directory.manifest
+            record_failure(directory, killed.partition(" (")[0], killed, last.step, last.wall_time_seconds)
     except Timeout:
-        yield None
-        return
-    try:
-        yield RunDirectory(run.path)
+        return  # somebody else has acquired it meanwhile
     except (OSError, ManifestError) as error:
-        print(f"{run.name}: {word}; that could not be recorded: {error}", file=sys.stderr)
-    finally:
-        lock.release()
+        print(f"{run.name}: {killed}; that could not be recorded: {error}", file=sys.stderr)

@@ -47,10 +47,7 @@ class PlainProgress:
         if now - self._last < LINE_SECONDS and step < self._total:
             return
         self._last = now
-        left = time_left(self._total - step, steps_per_second)
-        self.note(
-            f"step {step}/{self._total}  return {number(last_return)}  {steps_per_second:.0f} steps/s  {left} left"
-        )
+        self.note(f"step {step}/{self._total}  {pace(last_return, steps_per_second, self._total - step)}")
 
     def note(self, text: str) -> None:
         """Print it."""
@@ -67,13 +64,12 @@ class LiveProgress:
 
     def update(self, step: int, last_return: float | None, steps_per_second: float) -> None:
         """Move the bar."""
-        left = time_left(self._total - step, steps_per_second)
-        status = f"return {number(last_return)}  {steps_per_second:.0f} steps/s  {left} left"
+        status = pace(last_return, steps_per_second, self._total - step)
         self._bar.update(self._task, completed=step, status=status)
 
     def note(self, text: str) -> None:
         """Print it above the bar."""
-        self._bar.console.print(text, highlight=False, markup=False)
+        say(self._bar.console, text)
 
 
 class Heartbeat:
@@ -116,6 +112,18 @@ def display(total_steps: int) -> Iterator[Progress]:
     columns = (BarColumn(), TextColumn("step {task.completed}/{task.total}  {task.fields[status]}"))
     with Bar(*columns, console=console, refresh_per_second=4) as bar:
         yield LiveProgress(bar, total_steps)
+
+
+def say(console: Console, text: str) -> None:
+    """Print text as it is: no colours, no wrapped lines, so that a path can be copied and a line searched for."""
+    console.print(text, highlight=False, markup=False, soft_wrap=True)
+
+
+def pace(last_return: float | None, steps_per_second: float, steps_left: int) -> str:
+    """``return 12.3  85 steps/s  4 min left``."""
+    return (
+        f"return {number(last_return)}  {steps_per_second:.0f} steps/s  {time_left(steps_left, steps_per_second)} left"
+    )
 
 
 def number(value: float | None) -> str:

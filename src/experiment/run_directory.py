@@ -52,8 +52,8 @@ _STAMP = "%Y-%m-%dT%H:%M:%SZ"
 class RunState(StrEnum):
     """The state of a run, in the one vocabulary of manifest, plan, status and the summary of a sweep."""
 
-    RUNNING = "running"
     COMPLETE = "complete"
+    RUNNING = "running"
     INTERRUPTED = "interrupted"  # stopped before its end; the same command again resumes it
     FAILED = "failed"
     DIVERGED = "diverged"  # ended with non-finite numbers: a result

@@ -222,13 +222,11 @@ def result_of(run: Run, cause_of_death: str | None = None) -> RunResult:
     """
     seen = inspect_run(run.path)
     log = run.path / "state" / "log.txt"
-    if seen.manifest is None and seen.state == RunState.FAILED:
-        return RunResult(run.name, RunState.FAILED, seen.why, run.path)
+    failure = run.path / "failure.txt"
+    if seen.state == RunState.FAILED:
+        return RunResult(run.name, seen.state, seen.why, failure if failure.exists() else log)
     if seen.manifest is not None and seen.manifest.status != RunState.RUNNING:
-        failure = run.path / "failure.txt"
-        if seen.state != RunState.FAILED:
-            return RunResult(run.name, seen.state, seen.why, run.path)
-        return RunResult(run.name, RunState.FAILED, seen.why, failure if failure.exists() else log)
+        return RunResult(run.name, seen.state, seen.why, run.path)
     if held_here(run.path):
         return RunResult(run.name, RunState.BUSY, "held by a live process", log)
     return RunResult(run.name, RunState.NOT_FINISHED, cause_of_death or "it ended without a word", log)

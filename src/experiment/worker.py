@@ -28,6 +28,8 @@ _ERRNO_WORDS = {
     errno.EACCES: "no permission to write",
     errno.EFBIG: "a file would grow beyond the limit for files",
 }
+#: Of one job of the local launcher; other endings are 0.
+_EXIT_CODES = {RunState.BUSY: ExitCode.BUSY, RunState.INTERRUPTED: ExitCode.INTERRUPTED}
 
 
 class RunFailedError(Exception):
@@ -42,14 +44,18 @@ def execute(run: Run, progress: Progress, also_stop: Callable[[], bool] | None =
         progress: where a person watches.
         also_stop: asked besides the signals of :mod:`src.experiment.process` whether to stop.
 
+    Returns:
+        How it ended; ``busy`` where a live process holds the run directory.
+
     Raises:
-        BusyError: a live process holds the run directory.
         ConfigurationError: another configuration has used the run directory.
         RunFailedError: the run failed; ``failure.txt`` and the manifest say why.
         KeyboardInterrupt: a second SIGINT.
     """
     try:
         return _execute(run, progress, also_stop)
+    except BusyError as busy:
+        return Outcome(RunState.BUSY, 0, str(busy))
     except OSError as error:  # before the run has begun or after its end: it could not be recorded
         raise RunFailedError(f"{run.name} failed: {reason(error)}") from error
 
@@ -132,21 +138,14 @@ def main() -> int:
     try:
         run = Run.from_dict(json.load(sys.stdin))
         outcome = execute(run, PlainProgress(run.config.protocol.total_steps))
-    except BusyError as busy:
-        print(busy)
-        return ExitCode.BUSY
-    except ConfigurationError as error:
+    except (ConfigurationError, RunFailedError) as error:
         print(error)
-        return ExitCode.REFUSED
+        return ExitCode.REFUSED if isinstance(error, ConfigurationError) else ExitCode.FAILED
     except KeyboardInterrupt:
         return ExitCode.KILLED_BY_USER
-    except RunFailedError as error:
-        print(error)
-        return ExitCode.FAILED
-    except Exception:
-        traceback.print_exc()
-        return ExitCode.FAILED
-    return ExitCode.INTERRUPTED if outcome.status == RunState.INTERRUPTED else ExitCode.DONE
+    if outcome.status == RunState.BUSY:
+        print(outcome.message)
+    return _EXIT_CODES.get(outcome.status, ExitCode.DONE)
 
 
 if __name__ == "__main__":

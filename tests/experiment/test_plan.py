@@ -13,11 +13,11 @@ from tests.experiment.command import run
 from tests.experiment.runs import ROOT, changed, run_of, smoke
 
 sys.path.append(str(ROOT / "src" / "plugins"))
-from hydra_plugins.testbed.sweeper import product
+from hydra_plugins.testbed.sweeper import GridSweeper
 
 
 def jobs(*overrides):
-    return product(OverridesParser.create().parse_overrides(list(overrides)))
+    return GridSweeper.split_arguments(OverridesParser.create().parse_overrides(list(overrides)), None)[0]
 
 
 def test_the_first_override_varies_slowest():

@@ -15,9 +15,8 @@ from src.config.identity import Run
 from src.experiment.checks import check_writable
 from src.experiment.display import show_plan
 from src.experiment.files import last_return
-from src.experiment.ownership import BusyError
 from src.experiment.plan import make_plan
-from src.experiment.progress import PlainProgress, display, number
+from src.experiment.progress import PlainProgress, display, number, say
 from src.experiment.run_directory import RunState
 from src.experiment.state import ExitCode, Next, Outcome
 from src.experiment.worker import RunFailedError, execute
@@ -53,36 +52,33 @@ def _alone(run: Run) -> str:
     if not plan.to_do:
         return RunState.COMPLETE
     with display(run.config.protocol.total_steps) as progress:
-        try:
-            outcome = execute(run, progress)
-        except BusyError as busy:
-            progress.note(str(busy))
-            sys.exit(ExitCode.INTERRUPTED)
+        outcome = execute(run, progress)
     _report(run, outcome, console)
-    if outcome.status == RunState.INTERRUPTED:
+    if outcome.status in (RunState.INTERRUPTED, RunState.BUSY):
         sys.exit(ExitCode.INTERRUPTED)
     return outcome.status
 
 
 def _report(run: Run, outcome: Outcome, console: Console) -> None:
+    if outcome.status == RunState.BUSY:
+        say(console, outcome.message)
+        return
     line = f"{run.name} {outcome.status} at step {outcome.step}"
     line += f", last return {number(last_return(run.path / 'evaluations.csv'))}"
     if outcome.message:
         line += f" ({outcome.message})"
-    console.print(f"{line}: {run.path}", highlight=False, markup=False, soft_wrap=True)
+    say(console, f"{line}: {run.path}")
     if outcome.status == RunState.INTERRUPTED:
-        console.print("the same command again goes on from here", highlight=False)
+        say(console, "the same command again goes on from here")
 
 
 def _one_of_many(run: Run) -> str:
     if run.config.dry_run:  # under Hydra's own sweepers
         show_plan(make_plan([run]), Console(), 1, with_cost=True)
         return "planned"
-    try:
-        outcome = execute(run, PlainProgress(run.config.protocol.total_steps))
-    except BusyError as busy:
-        print(busy)
-        return RunState.BUSY
+    outcome = execute(run, PlainProgress(run.config.protocol.total_steps))
+    if outcome.status == RunState.BUSY:
+        print(outcome.message)
     if outcome.status == RunState.INTERRUPTED:
         raise KeyboardInterrupt  # not an Exception: Hydra's basic launcher then starts no further job
     return outcome.status

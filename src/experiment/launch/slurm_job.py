@@ -19,7 +19,6 @@ from submitit.core.utils import DelayedSubmission, UncompletedJobError
 from submitit.slurm.slurm import SlurmJobEnvironment
 
 from src.config.identity import Run
-from src.experiment.ownership import BusyError
 from src.experiment.progress import PlainProgress
 from src.experiment.run_directory import RunState
 from src.experiment.state import FRESH_SECONDS, Outcome
@@ -43,11 +42,7 @@ class Task:
         """
         run = Run.from_dict(content)
         with Preemption(SlurmJobEnvironment._usr_sig(), self.grace_seconds) as preempted:
-            try:
-                outcome = _execute(run, preempted)
-            except BusyError as busy:
-                print(busy, flush=True)
-                return RunState.BUSY
+            outcome = _execute(run, preempted)
             if outcome.status == RunState.INTERRUPTED and preempted():
                 try:
                     preempted.hand_over()
@@ -110,13 +105,11 @@ def _execute(run: Run, preempted: Preemption) -> Outcome:
     """Where the job was requeued, a file server may hold the lock of its dead process a while longer: try again."""
     deadline = time.monotonic() + (FRESH_SECONDS if was_requeued() else 0.0)
     while True:
-        try:
-            return execute(run, PlainProgress(run.config.protocol.total_steps), preempted)
-        except BusyError as busy:
-            if time.monotonic() >= deadline:
-                raise
-            print(f"{busy}; trying again", flush=True)
-            time.sleep(_RETRY_SECONDS)
+        outcome = execute(run, PlainProgress(run.config.protocol.total_steps), preempted)
+        if outcome.status != RunState.BUSY or time.monotonic() >= deadline:
+            return outcome
+        print(f"{outcome.message}; trying again", flush=True)
+        time.sleep(_RETRY_SECONDS)
 
 
 def was_requeued() -> bool:

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 from src.config.identity import Run
 from src.experiment.display import SweepDisplay
-from src.experiment.ownership import record_death, record_interruption
+from src.experiment.ownership import record_death
 from src.experiment.plan import PlannedRun
 from src.experiment.run_directory import ManifestError, RunDirectory, RunState
 from src.experiment.state import RunResult, result_of
@@ -107,7 +107,7 @@ def result_in_slurm(run: Run, job: str, state: JobState, folder: Path) -> RunRes
     log = folder / f"{job}_0_log.err"
     word = _WORDS.get(state.state, f"its job ended in Slurm as {state.state}")
     if state.state in INTERRUPTING:
-        record_interruption(run, word)
+        record_death(run, word, status=RunState.INTERRUPTED)
         result = result_of(run, word)
         if result.state == RunState.INTERRUPTED or not (run.path / "manifest.json").exists():
             return result._replace(state=RunState.INTERRUPTED, why=f"{word} (job {job})")

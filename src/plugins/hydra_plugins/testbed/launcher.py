@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from hydra.core.utils import JobReturn, JobStatus
@@ -25,9 +24,10 @@ from src.experiment.state import RunResult
 
 
 class RunLauncher(Launcher):
-    """A launcher that takes planned runs, not command lines."""
+    """A launcher that takes planned runs, not command lines; ``run`` trains them, as ``settings_type`` says."""
 
     settings_type: type[LocalSettings] | type[SlurmSettings]
+    run: Callable[..., list[RunResult]]
     trains_here: bool  # jobs have this machine's GPUs
     hint = ""  # for a key that there isn't
 
@@ -54,9 +54,9 @@ class RunLauncher(Launcher):
             return f"hydra.launcher.{error['loc'][0]}: there is no such key{self.hint}."
         return sentence(error, "hydra.launcher.")
 
-    @abstractmethod
     def train(self, runs: Sequence[PlannedRun]) -> list[RunResult]:
         """Train planned runs and return how each ended."""
+        return self.run(self.settings, runs)
 
     def launch(self, job_overrides: Sequence[Sequence[str]], initial_job_idx: int) -> Sequence[JobReturn]:
         """Hydra's own call, for other sweepers than ours."""
@@ -82,22 +82,14 @@ class LocalLauncher(RunLauncher):
     """See conf/hydra/launcher/local.yaml for the arguments."""
 
     settings_type = LocalSettings
-    settings: LocalSettings
+    run = staticmethod(run_locally)
     trains_here = True
-
-    def train(self, runs: Sequence[PlannedRun]) -> list[RunResult]:
-        """A process of its own for each."""
-        return run_locally(self.settings, runs)
 
 
 class SlurmLauncher(RunLauncher):
     """See conf/hydra/launcher/slurm.yaml for the arguments."""
 
     settings_type = SlurmSettings
-    settings: SlurmSettings
+    run = staticmethod(run_in_slurm)
     trains_here = False
     hint = "; more of sbatch's options go into hydra.launcher.additional_parameters"
-
-    def train(self, runs: Sequence[PlannedRun]) -> list[RunResult]:
-        """A Slurm job for each."""
-        return run_in_slurm(self.settings, runs)

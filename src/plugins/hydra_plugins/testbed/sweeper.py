@@ -6,16 +6,12 @@ became of the others is read from their manifests, not from what a launcher retu
 
 from __future__ import annotations
 
-import itertools
 import re
 import sys
 from collections.abc import Sequence
 
+from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Override
-from hydra.core.plugins import Plugins
-from hydra.plugins.sweeper import Sweeper
-from hydra.types import HydraContext, TaskFunction
 from hydra_plugins.testbed.launcher import RunLauncher
 from omegaconf import DictConfig
 from rich.console import Console
@@ -30,20 +26,8 @@ from src.experiment.plan import Plan, make_plan
 from src.experiment.state import Next, result_of
 
 
-class GridSweeper(Sweeper):
+class GridSweeper(BasicSweeper):
     """A cartesian product; the first override varies slowest, those of a sweep file come before the command line's."""
-
-    def __init__(self, params: dict[str, str] | None, max_batch_size: int | None) -> None:
-        self.params = params or {}
-        self.max_batch_size = max_batch_size
-
-    def setup(self, *, hydra_context: HydraContext, task_function: TaskFunction, config: DictConfig) -> None:
-        """Hydra's own call."""
-        self._config = config
-        self._loader = hydra_context.config_loader
-        self._launcher = Plugins.instance().instantiate_launcher(
-            hydra_context=hydra_context, task_function=task_function, config=config
-        )
 
     def sweep(self, arguments: list[str]) -> None:
         """Plan and run the grid.
@@ -52,11 +36,9 @@ class GridSweeper(Sweeper):
             ConfigurationError: a run is invalid; nothing was started.
             SystemExit: the exit code, where it isn't 0.
         """
-        parser = OverridesParser.create(config_loader=self._loader)
-        jobs = product(parser.parse_overrides([f"{key}={value}" for key, value in self.params.items()] + arguments))
-        jobs, runs = self._compose(jobs)
-        run_launcher = self._launcher if isinstance(self._launcher, RunLauncher) else None
-        trains_here = run_launcher.trains_here if run_launcher else type(self._launcher).__name__ == "BasicLauncher"
+        jobs, runs = self._compose(arguments)
+        run_launcher = self.launcher if isinstance(self.launcher, RunLauncher) else None
+        trains_here = run_launcher.trains_here if run_launcher else type(self.launcher).__name__ == "BasicLauncher"
         plan = make_plan(runs, gpus_here=trains_here)
         dry = any(run.config.dry_run for run in runs)
         at_once = len(plan.to_do)
@@ -75,20 +57,26 @@ class GridSweeper(Sweeper):
         if code := show_summary(results, len(plan.having(Next.BUSY)), console):
             sys.exit(code)
 
-    def _compose(self, jobs: Sequence[list[str]]) -> tuple[list[list[str]], list[Run]]:
-        """Every run; the seeds of one configuration share Hydra's composition, which takes a fifth of a second.
+    def _compose(self, arguments: Sequence[str]) -> tuple[list[list[str]], list[Run]]:
+        """Every job and its run; the seeds of one configuration share Hydra's composition (a fifth of a second).
 
         Two jobs that differ only in a key that changes nothing (``actor=aan encoder.population_size=10,20``) are one.
         """
+        assert self.hydra_context is not None and self.config is not None
+        loader = self.hydra_context.config_loader
+        parser = OverridesParser.create(config_loader=loader)
+        overrides = parser.parse_overrides([*self._parse_config(), *arguments])
+        for each in overrides:
+            check_sweep(each)
         shared: dict[tuple[str, ...], DictConfig] = {}
         kept: list[list[str]] = []
         runs: list[Run] = []
         mistakes: dict[str, str] = {}  # each mistake once, with the first run that has it
-        for job in jobs:
+        for job in self.split_arguments(overrides, None)[0]:
             seeds = [each for each in job if re.fullmatch(r"seed=\d+", each)]
             key = tuple(each for each in job if each not in seeds)
             if key not in shared:
-                shared[key] = self._loader.load_sweep_config(self._config, list(job))
+                shared[key] = loader.load_sweep_config(self.config, job)
             composed = shared[key]
             if seeds:
                 composed.seed = int(seeds[-1].removeprefix("seed="))
@@ -107,27 +95,11 @@ class GridSweeper(Sweeper):
 
     def _launch_elsewhere(self, plan: Plan, jobs: Sequence[Sequence[str]]) -> None:
         """Hand the runs to do to another launcher of Hydra's; an error of one batch doesn't end the sweep."""
-        needed = [list(job) for job, planned in zip(jobs, plan.runs) if planned in plan.to_do]
+        assert self.launcher is not None
+        needed = [job for job, planned in zip(jobs, plan.runs) if planned in plan.to_do]
         size = self.max_batch_size or max(len(needed), 1)
         for start in range(0, len(needed), size):
             try:
-                self._launcher.launch(needed[start : start + size], initial_job_idx=start)
+                self.launcher.launch(needed[start : start + size], initial_job_idx=start)
             except Exception as error:
                 print(f"the launcher says: {type(error).__name__}: {error}", file=sys.stderr)
-
-
-def product(overrides: Sequence[Override]) -> list[list[str]]:
-    """All combinations as lists of ``key=value``.
-
-    Raises:
-        ConfigurationError: a sweep whose values can't be written out one by one.
-    """
-    choices: dict[str, list[str]] = {}
-    for override in overrides:
-        key = override.get_key_element()
-        if override.is_sweep_override():
-            check_sweep(override)
-            choices[key] = [f"{key}={value}" for value in override.sweep_string_iterator()]
-        else:
-            choices[key] = [f"{key}={override.get_value_element_as_str()}"]
-    return [list(job) for job in itertools.product(*choices.values())]
