@@ -98,10 +98,13 @@ class Learner(ABC):
 
     def record_health(self, record: BurstRecord, health: ActorHealth) -> None:
         """Note spiking health, and the norms of the gradients of the actor's last step."""
-        gradients = [p.grad.flatten() for p in parameters_of(self.optimizers["actor"]) if p.grad is not None]
-        record.add("actor_gradient_norm", torch.cat(gradients).norm())
+        record.add("actor_gradient_norm", self.actor_gradient().norm())
         layers = self.policy.actor.layer_parameters()
         record.add_health(health, [[p.grad for p in layer if p.grad is not None] for layer in layers])
+
+    def actor_gradient(self) -> Tensor:
+        """All gradients of the actor's last step in one row."""
+        return torch.cat([p.grad.flatten() for p in parameters_of(self.optimizers["actor"]) if p.grad is not None])
 
     def check_finite(self) -> None:
         """Raise :class:`Diverged` when a parameter is not finite."""

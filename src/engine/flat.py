@@ -14,9 +14,10 @@ _NUMBERS = LINE // FLOAT  # of a cache line
 
 
 class FlatParameters:
-    """Re-points parameters to views of one flat tensor for the learner's life; modules keep working as before.
+    """Re-points parameters, and their ``grad``, to views of flat tensors for the learner's life.
 
-    Every parameter begins at a cache line; between them lie zeros, whose gradient is zero.
+    Modules keep working as before. Every parameter begins at a cache line; between them lie zeros, whose gradient is
+    zero.
 
     Args:
         parameters: float32 on the CPU, each of its own.
@@ -26,26 +27,32 @@ class FlatParameters:
         self.parameters = list(parameters)
         starts = [0, *accumulate(-(-p.numel() // _NUMBERS) * _NUMBERS for p in self.parameters)]
         self.values, self.gradient = torch.zeros(starts[-1]), torch.zeros(starts[-1])
-        #: A view of the flat gradient for each parameter.
-        self.grads: dict[nn.Parameter, Tensor] = {}
         for p, start in zip(self.parameters, starts):
             part = slice(start, start + p.numel())
             self.values[part] = p.detach().reshape(-1)
             p.data = self.values[part].view(p.shape)
-            self.grads[p] = self.gradient[part].view(p.shape)
-        self._addresses = [p.data_ptr() for p in self.parameters]
+            p.grad = self.gradient[part].view(p.shape)
+        self._addresses = self._find()
 
     def check(self) -> None:
         """Raise RuntimeError where a parameter no longer lies where it was bound: kernels would write elsewhere."""
-        if [p.data_ptr() for p in self.parameters] != self._addresses:
+        if self._find() != self._addresses:
             raise RuntimeError(
-                "a parameter was given other data after the fast engine was bound to it: change values in place, or "
-                "train with backend=plain"
+                "a parameter was given other data, or another grad, after the fast engine was bound to it: change "
+                "values in place, or train with backend=plain"
             )
+
+    def _find(self) -> list[tuple[int, int]]:
+        return [(p.data_ptr(), gradient_address(p)) for p in self.parameters]
 
     def polyak_update(self, online: FlatParameters, polyak: float) -> None:
         """Polyak averaging of a target network: ``target <- polyak * target + (1 - polyak) * online``."""
         self.values.lerp_(online.values, 1.0 - polyak)
+
+
+def gradient_address(parameter: Tensor) -> int:
+    """Where the gradient of a parameter lies; 0 for none."""
+    return 0 if parameter.grad is None else parameter.grad.data_ptr()
 
 
 class FlatAdam:

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from src.actors.health import NOTHING_SPIKES, ActorHealth
 from src.actors.mlp import EnsembleMLP, MLPActor
 from src.engine import blas, mlp_kernels
 from src.engine.bound import VJP, BoundActor, NotCopyable
+from src.engine.flat import gradient_address
 from src.engine.records import MLP_LAYER
 
 
@@ -30,29 +31,20 @@ class BoundMLP(NotCopyable):
     """Networks one behind the other, bound as one.
 
     Args:
-        networks: the first feeds the second; on the CPU, float32, contiguous.
-        final_relu: the last layer has a ReLU too.
-        grads: where the gradients of the parameters go; None for networks that do not learn.
+        networks: the first feeds the second; their parameters are flat.
     """
 
-    def __init__(
-        self,
-        networks: Sequence[EnsembleMLP],
-        final_relu: bool,
-        grads: Mapping[nn.Parameter, Tensor] | None = None,
-    ) -> None:
+    def __init__(self, *networks: EnsembleMLP) -> None:
         pairs = [pair for network in networks for pair in zip(network.weights, network.biases)]
         self.ensemble = len(pairs[0][0])
-        self.final_relu = final_relu
+        self.final_relu = networks[-1].final_relu
         self._sgemm = blas.sgemm_address()
         self._outputs = [weight.shape[2] for weight, _ in pairs]
         self._layers = np.zeros(len(pairs), MLP_LAYER)
         for record, (weight, bias) in zip(self._layers, pairs):
             record["inputs"], record["outputs"] = weight.shape[1:]
             record["weight"], record["bias"] = weight.data_ptr(), bias.data_ptr()
-            if grads is not None:
-                record["grad_weight"] = grads[weight].data_ptr()
-                record["grad_bias"] = grads[bias].data_ptr()
+            record["grad_weight"], record["grad_bias"] = gradient_address(weight), gradient_address(bias)
 
     def forward(self, x: Tensor) -> Tensor:
         """Outputs ``[E, B, out]`` for ``[B, in]``; saves nothing."""
@@ -119,15 +111,10 @@ class BoundMLP(NotCopyable):
 
 
 class BoundMLPActor(BoundActor):
-    """The AAN bound to the kernels, trunk and head as one network.
+    """The AAN bound to the kernels, trunk and head as one network."""
 
-    Args:
-        actor: on the CPU, float32, contiguous.
-        grads: where the gradients of its parameters go; None for an actor that does not learn.
-    """
-
-    def __init__(self, actor: MLPActor, grads: Mapping[nn.Parameter, Tensor] | None = None) -> None:
-        self._network = BoundMLP((actor.hidden, actor.output), False, grads)
+    def __init__(self, actor: MLPActor) -> None:
+        self._network = BoundMLP(actor.hidden, actor.output)
 
     def raw(self, observation: Tensor, generator: torch.Generator | None) -> Tensor:
         """See :meth:`BoundActor.raw`."""

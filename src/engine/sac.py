@@ -7,7 +7,7 @@ here in one pass over both minibatches.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, cast
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -18,50 +18,25 @@ from src.algorithms import sac
 from src.algorithms.learner import Batch
 from src.algorithms.metrics import BurstRecord
 from src.engine import tanh_gaussian
-from src.engine.binding import bind, record_health
-from src.engine.flat import FlatAdam, FlatParameters
+from src.engine.learner import FastLearner
 from src.engine.mlp import BoundMLP
 
 #: Takes the gradients w.r.t. mean and log-std, ``[B, M]``; fills those w.r.t. the parameters.
 HeadsVJP = Callable[[Tensor, Tensor], None]
 
 
-class FastSAC(sac.SAC):
+class FastSAC(FastLearner, sac.SAC):
     """SAC for an actor that the engine supports; arguments as of :class:`src.algorithms.sac.SAC`."""
-
-    backend = "fast"
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
-        c, actor = self.config, self.policy.actor
-        self._shared_trunk = c.log_std_network == "shared"
-        self._bounds = (c.log_std_min, c.log_std_max, self.policy.action_limit)
-        log_std = list(self.log_std.parameters())
-        together = [*actor.parameters(), *(log_std if self._shared_trunk else [])]
-        self.flat = {
-            "actor": FlatParameters(together),
-            "critic": FlatParameters(self.critic.parameters()),
-            "target_critic": FlatParameters(self.target_critic.parameters()),
-        }
-        rates = {"actor": c.actor_learning_rate, "critic": c.critic_learning_rate}
-        if not self._shared_trunk:
-            self.flat["log_std"] = FlatParameters(log_std)
-            rates["log_std"] = c.log_std_learning_rate
-        self.optimizers = {name: cast(Any, FlatAdam(self.flat[name], rate)) for name, rate in rates.items()}
-        grads = self.flat["actor"].grads | self.flat.get("log_std", self.flat["actor"]).grads
-        self._log_std = BoundMLP((self.log_std.network,), False, grads)
-        self._actor = bind(actor, grads)
+        self._shared_trunk = self.config.log_std_network == "shared"
+        self._log_std = BoundMLP(self.log_std.network)
         if self._shared_trunk:
+            actor = self.policy.actor
             assert isinstance(actor, MLPActor)  # only it has a trunk (the rules of src.config)
-            self._trunk = BoundMLP((actor.hidden,), True, grads)
-            self._mean = BoundMLP((actor.output,), False, grads)
-        self._critic = BoundMLP((self.critic.networks,), False, self.flat["critic"].grads)
-        self._target_critic = BoundMLP((self.target_critic.networks,), False)
-
-    @torch.no_grad()
-    def raw_action(self, observation: Tensor, generator: torch.Generator) -> Tensor:
-        """The actor's output ``[B, M]`` for acting."""
-        return self._actor.act(observation, generator)
+            self._trunk = BoundMLP(actor.hidden)
+            self._mean = BoundMLP(actor.output)
 
     @torch.no_grad()
     def explore(self, observation: Tensor) -> Tensor:
@@ -73,13 +48,12 @@ class FastSAC(sac.SAC):
             mean = self._actor.act(observation, self.streams.encoder)
             log_std = self._log_std.forward(observation).squeeze(0)
         noise = torch.randn(mean.shape, generator=self.streams.exploration)
-        return tanh_gaussian.sample(mean, log_std, noise, self._bounds).action
+        return tanh_gaussian.sample(mean, log_std, noise, self.bounds).action
 
     @torch.no_grad()
     def learn(self, burst: Batch) -> dict[str, float]:
         """See :meth:`src.algorithms.sac.SAC.learn`."""
-        for flat in self.flat.values():
-            flat.check()
+        self.check_addresses()
         c, record = self.config, BurstRecord()
         noise = torch.randn((2, *burst.action.shape), generator=self.streams.update_noise)
         inputs = torch.cat([burst.observation, burst.action], dim=-1)
@@ -88,8 +62,8 @@ class FastSAC(sac.SAC):
         for index, (observation, _, reward, next_observation, terminated) in enumerate(zip(*burst)):
             both = torch.stack([next_observation, observation])
             means, log_stds, health, vjp_fn = (self._heads if self._shared_trunk else self._networks)(both, index == 0)
-            next_drawn = tanh_gaussian.sample(means[0], log_stds[0], noise[0, index], self._bounds)
-            drawn = tanh_gaussian.sample(means[1], log_stds[1], noise[1, index], self._bounds)
+            next_drawn = tanh_gaussian.sample(means[0], log_stds[0], noise[0, index], self.bounds)
+            drawn = tanh_gaussian.sample(means[1], log_stds[1], noise[1, index], self.bounds)
             next_inputs = torch.cat([next_observation, next_drawn.action], dim=-1)
             next_values = self._target_critic.forward(next_inputs).squeeze(-1)
             target = sac.bellman_target(
@@ -105,13 +79,13 @@ class FastSAC(sac.SAC):
                 drawn_inputs, observation.shape[1], -1.0 / batch, networks=2
             )
             record.add_samples(drawn.log_probability, values)
-            vjp_fn(*tanh_gaussian.gradient(drawn, grad_action, grad_log_probability, self._bounds))
-            for name in ("actor",) if self._shared_trunk else ("actor", "log_std"):
+            vjp_fn(*tanh_gaussian.gradient(drawn, grad_action, grad_log_probability, self.bounds))
+            for name in self.policy_optimizers:
                 self.optimizers[name].step()
             self.policy.actor.project()
             self.actor_updates += 1
             if health is not None:
-                record_health(record, health, self.policy.actor, self.flat["actor"])
+                self.record_health(record, health)
             self.flat["target_critic"].polyak_update(self.flat["critic"], c.polyak)
         log_probability, values = record.samples()
         record.add("actor_loss", sac.actor_loss(log_probability, values, c.alpha))

@@ -4,7 +4,6 @@ where the products are (README.md).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import partial
 
 import numpy as np
@@ -17,6 +16,7 @@ from src.actors.spike_coding import coding_gradient
 from src.actors.spiking_actor import SpikingActor
 from src.engine import blas, coding, spiking_kernels
 from src.engine.bound import VJP, BoundActor
+from src.engine.flat import gradient_address
 from src.engine.jit import FLOAT, LINE
 from src.engine.records import (
     NEURON_CONSTANTS,
@@ -33,12 +33,11 @@ class BoundSpikingActor(BoundActor):
     """The passes of one actor whose parameters stay where they are.
 
     Args:
-        actor: on the CPU, float32, contiguous.
-        grads: where the gradients of its parameters go; None for an actor that does not learn.
+        actor: whose parameters are flat.
     """
 
-    def __init__(self, actor: SpikingActor, grads: Mapping[nn.Parameter, Tensor] | None = None) -> None:
-        self._actor, self._grads = actor, grads
+    def __init__(self, actor: SpikingActor) -> None:
+        self._actor = actor
         self._sgemm = blas.sgemm_address()
         self._spiking_layers = actor.spiking_layers()
         self._shared_lateral: list[tuple[Tensor, Tensor, Tensor]] = []  # weight [K], its rows and their gradient [K, n]
@@ -63,16 +62,14 @@ class BoundSpikingActor(BoundActor):
                 record["branch_weights"] = synapse.weight.data_ptr()
             else:
                 record["branch"] = synapse.branch.data_ptr()
-            grads = self._grads
-            if grads is not None:
-                record["grad_weight"] = grads[synapse.weight].data_ptr()
-                record["grad_bias"] = grads[synapse.bias].data_ptr()
+            record["grad_weight"] = gradient_address(synapse.weight)
+            record["grad_bias"] = gradient_address(synapse.bias)
             if lateral is None:
                 continue
             record["neighbours"] = len(lateral.offsets)
             if lateral.weight.dim() == 2:
                 record["lateral"] = lateral.weight.data_ptr()
-                record["grad_lateral"] = 0 if grads is None else grads[lateral.weight].data_ptr()
+                record["grad_lateral"] = gradient_address(lateral.weight)
             else:  # one weight for all neurons: the kernels take a row of each
                 rows, grad_rows = (torch.zeros(len(lateral.offsets), len(synapse.weight)) for _ in range(2))
                 self._shared_lateral.append((lateral.weight, rows, grad_rows))
@@ -156,18 +153,16 @@ class BoundSpikingActor(BoundActor):
         return ActorHealth(workspace.spikes[-1].mean(), tuple(layers))
 
     def _vjp(self, workspace: Workspace, grad_raw: Tensor) -> None:
-        grads, actor, samples = self._grads, self._actor, workspace.samples
-        assert grads is not None
-        encoder, decoder = actor.encoder, actor.decoder
-        learns = encoder.mean in grads  # type: ignore[comparison-overlap]
+        encoder, decoder, samples = self._actor.encoder, self._actor.decoder, workspace.samples
+        learns = isinstance(encoder.mean, nn.Parameter)
         if grad_raw.shape != (samples, len(decoder.weight)) or grad_raw.dtype != torch.float32:
             found = f"{[*grad_raw.shape]}, {grad_raw.dtype}"
             raise ValueError(
                 f"the raw action is {[samples, len(decoder.weight)]}, float32; the gradient w.r.t. it {found}"
             )
         grad_raw = grad_raw.contiguous()
-        torch.sum(grad_raw.unsqueeze(-1) * workspace.rates[-samples:], 0, out=grads[decoder.weight])
-        torch.sum(grad_raw, 0, out=grads[decoder.bias])
+        torch.sum(grad_raw.unsqueeze(-1) * workspace.rates[-samples:], 0, out=decoder.weight.grad)
+        torch.sum(grad_raw, 0, out=decoder.bias.grad)
         gradients = workspace.gradients
         gradients["grad_raw"], gradients["decoder"] = grad_raw.data_ptr(), decoder.weight.data_ptr()
         gradients["grad_strength"] = workspace.grad_strength.data_ptr() if learns else 0
@@ -175,13 +170,13 @@ class BoundSpikingActor(BoundActor):
             gradients, self._layers, workspace.last_traces, self._constants, self._offsets, self._coding_gradient
         )
         for weight, _, grad_rows in self._shared_lateral:
-            torch.sum(grad_rows, 1, out=grads[weight])  # type: ignore[index]
+            torch.sum(grad_rows, 1, out=weight.grad)
         if learns:
             distance, strength = workspace.distance[-samples:], workspace.strength[-samples:]
             slope = workspace.grad_strength.view_as(strength) * strength * distance
             variance = encoder.std.detach().square()
-            grads[encoder.mean].copy_(slope.sum(0) / variance)  # type: ignore[index]
-            grads[encoder.std].copy_((slope * distance).sum(0) / (variance * encoder.std.detach()))  # type: ignore[index]
+            torch.div(slope.sum(0), variance, out=encoder.mean.grad)
+            torch.div((slope * distance).sum(0), variance * encoder.std.detach(), out=encoder.std.grad)
 
 
 class Workspace:

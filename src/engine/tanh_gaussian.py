@@ -13,13 +13,12 @@ import torch
 from numba import float32, int64, void
 from torch import Tensor
 
+from src.algorithms.sac import Bounds
 from src.engine.jit import kernel
 from src.engine.memory import floats
 
 HALF_LOG_2PI, LOG_2 = np.float32(0.5 * math.log(2 * math.pi)), np.float32(math.log(2.0))
 HALF, ONE, TWO, ZERO = np.float32(0.5), np.float32(1), np.float32(2), np.float32(0)
-#: Of the log-std, from below and above, and of the actions.
-Bounds = tuple[float, float, float]
 _SIGNATURE = void(*5 * (int64,), float32, float32, float32, *3 * (int64,))
 
 

@@ -7,7 +7,7 @@ scaled for the whole burst. What is not: every equation, and the order of the ra
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, cast
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -15,36 +15,20 @@ from torch import Tensor
 from src.algorithms import td3
 from src.algorithms.learner import Batch
 from src.algorithms.metrics import BurstRecord
-from src.engine.binding import bind, record_health
-from src.engine.flat import FlatAdam, FlatParameters
-from src.engine.mlp import BoundMLP
+from src.engine.learner import FastLearner, bind
 
 
-class FastTD3(td3.TD3):
+class FastTD3(FastLearner, td3.TD3):
     """TD3 for an actor that the engine supports; arguments as of :class:`src.algorithms.td3.TD3`."""
-
-    backend = "fast"
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
-        self.flat = {name: FlatParameters(module.parameters()) for name, module in self.modules.items()}
-        rates = {"actor": self.config.actor_learning_rate, "critic": self.config.critic_learning_rate}
-        self.optimizers = {name: cast(Any, FlatAdam(self.flat[name], rate)) for name, rate in rates.items()}
-        self._actor = bind(self.policy.actor, self.flat["actor"].grads)
         self._target_actor = bind(self.target_policy.actor)
-        self._critic = BoundMLP((self.critic.networks,), False, self.flat["critic"].grads)
-        self._target_critic = BoundMLP((self.target_critic.networks,), False)
-
-    @torch.no_grad()
-    def raw_action(self, observation: Tensor, generator: torch.Generator) -> Tensor:
-        """The actor's output ``[B, M]`` for acting."""
-        return self._actor.act(observation, generator)
 
     @torch.no_grad()
     def learn(self, burst: Batch) -> dict[str, float]:
         """See :meth:`src.algorithms.td3.TD3.learn`."""
-        for flat in self.flat.values():
-            flat.check()
+        self.check_addresses()
         c, record = self.config, BurstRecord()
         noise = torch.randn(burst.action.shape, generator=self.streams.update_noise)
         noise = noise.mul_(c.target_noise * self.action_limit)
@@ -93,7 +77,7 @@ class FastTD3(td3.TD3):
         self.policy.actor.project()
         self.actor_updates += 1
         if health is not None:
-            record_health(record, health, self.policy.actor, self.flat["actor"])
+            self.record_health(record, health)
         self.flat["target_actor"].polyak_update(self.flat["actor"], self.config.polyak)
         self.flat["target_critic"].polyak_update(self.flat["critic"], self.config.polyak)
 

@@ -14,7 +14,8 @@ HAS_MKL = blas.address("mkl") is not None
 
 def bind(sizes):
     network = EnsembleMLP(sizes, 2, Streams(0), "test")
-    return network, BoundMLP((network,), False, FlatParameters(network.parameters()).grads)
+    FlatParameters(network.parameters())
+    return network, BoundMLP(network)
 
 
 @pytest.fixture(autouse=True)

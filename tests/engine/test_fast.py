@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 
 from src.actors.spiking_actor import SpikingActor
-from src.engine.binding import unsupported_reason
+from src.engine.fast import unsupported_reason
 from tests.engine.actors import actor
 
 

@@ -15,7 +15,7 @@ def test_parameters_are_views_of_one_tensor_each_at_a_cache_line():
     flat = FlatParameters(module.parameters())
     for p, value in zip(module.parameters(), values, strict=True):
         assert torch.equal(p, value) and p.data_ptr() % 64 == 0
-        assert flat.grads[p].data_ptr() % 64 == 0
+        assert p.grad.data_ptr() % 64 == 0
     flat.values.mul_(2)
     assert all(torch.equal(p, 2 * value) for p, value in zip(module.parameters(), values))
 
@@ -54,11 +54,12 @@ def test_a_restored_optimizer_goes_on_as_the_old_one():
     assert torch.equal(half.values, whole.values)
 
 
-def test_parameters_that_were_moved_after_binding_are_refused():
+@pytest.mark.parametrize("moved", ["data", "grad"])
+def test_parameters_that_were_moved_after_binding_are_refused(moved):
     """The kernels write to addresses: they would go on learning somewhere else, in silence."""
     module = nn.Linear(5, 7)
     flat = FlatParameters(module.parameters())
     flat.check()
-    module.weight.data = module.weight.data.clone()
+    setattr(module.weight, moved, getattr(module.weight, moved).clone())
     with pytest.raises(RuntimeError, match="backend=plain"):
         flat.check()

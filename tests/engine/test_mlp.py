@@ -16,7 +16,7 @@ from tests.engine.actors import ACTION_SIZE, OBSERVATION_SIZE, actor
 def bind(sizes, ensemble=2, final_relu=False):
     network = EnsembleMLP(sizes, ensemble, Streams(0), "test", final_relu=final_relu)
     flat = FlatParameters(network.parameters())
-    return network, BoundMLP((network,), final_relu, flat.grads), flat
+    return network, BoundMLP(network), flat
 
 
 @pytest.mark.parametrize("sizes", [[6, 33, 17, 3], [6, 9, 40, 17, 3], [6, 3]])  # the widest layer first, later, none
@@ -34,7 +34,7 @@ def test_values_and_gradients_are_autograds(sizes, final_relu, batch):
     flat.gradient.fill_(torch.nan)
     torch.testing.assert_close(bound.vjp(saved, grad_outputs, with_input=True), grad_input, rtol=1e-4, atol=1e-5)
     for parameter, gradient in zip(parameters, gradients, strict=True):
-        torch.testing.assert_close(flat.grads[parameter], gradient, rtol=1e-4, atol=1e-5)
+        torch.testing.assert_close(parameter.grad, gradient, rtol=1e-4, atol=1e-5)
     assert bound.vjp(saved, grad_outputs) is None
 
 
@@ -42,7 +42,7 @@ def test_values_and_gradients_are_autograds(sizes, final_relu, batch):
 @pytest.mark.parametrize("ensemble", [1, 2])
 def test_a_squared_error_step_is_autograds(batch, ensemble):
     """The loss on the plain path is the very function that TorchRL's is held against."""
-    network, bound, flat = bind([5, 16, 24, 8, 1], ensemble)
+    network, bound, _ = bind([5, 16, 24, 8, 1], ensemble)
     x, target = torch.randn(batch, 5), torch.randn(batch)
     values, loss = bound.squared_error_step(x, target)
     expected = network(x).squeeze(-1)
@@ -50,7 +50,7 @@ def test_a_squared_error_step_is_autograds(batch, ensemble):
     torch.testing.assert_close(values, expected.detach())
     torch.testing.assert_close(loss, expected_loss.detach())
     for parameter, gradient in zip(network.parameters(), torch.autograd.grad(expected_loss, network.parameters())):
-        torch.testing.assert_close(flat.grads[parameter], gradient)
+        torch.testing.assert_close(parameter.grad, gradient)
 
 
 @pytest.mark.parametrize("members", [1, 2, 3])
@@ -97,8 +97,8 @@ def test_the_last_rows_alone_are_a_minibatch_of_their_own():
 @pytest.mark.parametrize("groups", [1, 3])
 def test_the_aan_is_the_plain_module(groups):
     built = actor("aan")
-    flat = FlatParameters(built.parameters())
-    bound = BoundMLPActor(built, flat.grads)
+    FlatParameters(built.parameters())
+    bound = BoundMLPActor(built)
     observation, grad_raw = torch.randn(groups, 20, OBSERVATION_SIZE), torch.randn(20, ACTION_SIZE)
     expected = built(observation[-1])
     gradients = torch.autograd.grad(expected, list(built.parameters()), grad_raw)
@@ -108,7 +108,7 @@ def test_the_aan_is_the_plain_module(groups):
     torch.testing.assert_close(bound.raw(observation, None), raw)
     torch.testing.assert_close(bound.act(observation[-1], None), raw[-1])
     for parameter, gradient in zip(built.parameters(), gradients, strict=True):
-        torch.testing.assert_close(flat.grads[parameter], gradient, rtol=1e-4, atol=1e-5)
+        torch.testing.assert_close(parameter.grad, gradient, rtol=1e-4, atol=1e-5)
 
 
 @pytest.mark.parametrize("wrong", [torch.zeros(4, 6), torch.zeros(4, 5).double()])
