@@ -25,7 +25,7 @@ from torch import Tensor
 from src.config import ExperimentConfig, SACConfig, SpikingActorConfig
 from src.engine import blas
 from src.engine.jit import kernel
-from src.engine.product import multiply
+from src.engine.primitives import multiply
 from src.engine.td3 import target_groups
 
 

@@ -10,10 +10,10 @@ import numpy as np
 from numba import float32, int64, uint64, void
 
 from src.engine.jit import kernel
-from src.engine.memory import floats
+from src.engine.primitives import floats
 
 ZERO, ONE, MINUS_HALF = np.float32(0), np.float32(1), np.float32(-0.5)
-LOWEST = np.float32(-87.33655)  # the argmax_branch exponent whose exponential is denormal
+LOWEST = np.float32(-87.33655)  # the largest exponent whose exponential is denormal
 UNDERFLOW_MARK = np.float32(1)  # stands for exponents up to there; no other is positive
 TWO_TO_MINUS_24 = np.float32(2.0**-24)
 M0, M1, W0, W1 = (np.uint64(word) for word in (0xD2511F53, 0xCD9E8D57, 0x9E3779B9, 0xBB67AE85))

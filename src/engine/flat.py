@@ -8,7 +8,7 @@ from itertools import accumulate
 import torch
 from torch import Tensor, nn
 
-from src.engine.jit import FLOAT, LINE
+from src.engine.primitives import FLOAT, LINE
 
 _NUMBERS = LINE // FLOAT  # of a cache line
 

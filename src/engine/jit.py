@@ -13,13 +13,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from numba import njit, types
+from numba import njit
 from numba.core import config as numba_config
 from numba.core.compiler import Compiler
-from numba.extending import intrinsic
-
-LINE = 64  # bytes of a cache line, at which every buffer begins: a product's bits may hang on its alignment
-FLOAT = 4  # bytes of a float32
 
 #: All kernels by name, for :mod:`src.engine.compile`.
 KERNELS: dict[str, Kernel] = {}
@@ -88,24 +84,3 @@ def cache_folder() -> Path:
         digest.update(source.read_bytes())
     base = Path(_settings.CACHE_DIR) if _settings.CACHE_DIR else here / "__pycache__"
     return base / f"kernels-{digest.hexdigest()[:16]}"
-
-
-@intrinsic
-def floats_at(typing_context, address):  # type: ignore[no-untyped-def]
-    """An address as a pointer to float32; for kernels, with ``carray``."""
-    return _pointer(types.float32)
-
-
-@intrinsic
-def bytes_at(typing_context, address):  # type: ignore[no-untyped-def]
-    """An address as a pointer to int8."""
-    return _pointer(types.int8)
-
-
-def _pointer(item: Any) -> tuple[Any, Callable[..., Any]]:
-    signature = types.CPointer(item)(types.int64)
-
-    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
-
-    return signature, code

@@ -14,9 +14,9 @@ from src.engine.jit import inner
 
 @inner
 def scan(  # type: ignore[no-untyped-def]
-    currents, branch_bias, bias, lateral, offsets, constants, spikes, potentials, argmax_branch
+    currents, branch_bias, bias, lateral, offsets, constants, spikes, potentials, argmax_branch, saves
 ):
-    """Fill ``spikes``; and ``potentials`` and ``argmax_branch`` where they are not empty (acting needs neither).
+    """Fill ``spikes``; where it ``saves`` for a gradient, ``potentials`` and ``argmax_branch`` too.
 
     Shapes: currents ``[T, B, d, n]``, branch_bias ``[d, n]`` or empty (added in place), bias ``[n]``, lateral
     ``[K, n]``, offsets ``[K]``, the others ``[T, B, n]``.
@@ -25,7 +25,6 @@ def scan(  # type: ignore[no-untyped-def]
     threshold = constants["threshold"]
     steps, samples, dendrites, n = currents.shape
     neighbours = lateral.shape[0]
-    keep = potentials.shape[0] > 0
     radius = 0
     for k in range(neighbours):
         radius = max(radius, abs(offsets[k]))
@@ -63,7 +62,7 @@ def scan(  # type: ignore[no-untyped-def]
                     k += 1
             rows.fire(o, v, threshold)
             rows.copy(spikes[t, b], o)
-            if keep:
+            if saves:
                 rows.copy(potentials[t, b], v)
                 if dendrites > 1:
                     rows.copy(argmax_branch[t, b], branch)
@@ -81,7 +80,7 @@ def scan_gradient(  # type: ignore[no-untyped-def]
     """
     current_decay, voltage_decay = constants["current_decay"], constants["voltage_decay"]
     threshold = constants["threshold"]
-    window, reset, lateral_gradient = constants["window"], constants["reset"], constants["lateral_gradient"]
+    window, reset, lateral_gradient = constants["window"], constants["reset_gradient"], constants["lateral_gradient"]
     steps, samples, dendrites, n = grad_currents.shape
     neighbours = lateral.shape[0]
     radius = 0

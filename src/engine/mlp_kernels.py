@@ -13,9 +13,8 @@ from __future__ import annotations
 import numpy as np
 from numba import float32, int64, void
 
-from src.engine.jit import FLOAT, LINE, inner, kernel
-from src.engine.memory import floats, keep_alive, next_line
-from src.engine.product import multiply
+from src.engine.jit import inner, kernel
+from src.engine.primitives import FLOAT, LINE, floats, keep_alive, multiply, next_line
 from src.engine.records import MLP_LAYERS
 
 ZERO = np.float32(0)
@@ -59,7 +58,7 @@ def _sum_rows(g, total):  # type: ignore[no-untyped-def]
 
 @inner
 def _widest(layers):  # type: ignore[no-untyped-def]
-    """The argmax_branch number of neurons of a layer, the input included."""
+    """The largest number of neurons of a layer, the input included."""
     widest = layers[0]["inputs"]
     for k in range(layers.shape[0]):
         widest = max(widest, layers[k]["outputs"])

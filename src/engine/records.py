@@ -8,6 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numba import from_dtype
 
+from src.actors.lif import LIFConstants
+
 
 def _integers(*names: str) -> list[tuple[str, type]]:
     return [(name, np.int64) for name in names]
@@ -25,54 +27,38 @@ SPIKING_LAYER = np.dtype(
         "bias",  # [n], or [d, n] of the branches
         "lateral",  # [K, n]
         "branch",  # of each synapse, [n, inputs], int8
-        "branch_weights",  # for d = 1 the weight, else 0
         "grad_weight",
         "grad_bias",
         "grad_lateral",
     )
 )
 
-#: What a pass leaves of a spiking layer.
+#: What a pass leaves of a spiking layer; the last two of the last minibatch, where it is saved for its gradient.
 SPIKING_TRACE = np.dtype(
     _integers(
         "spikes",  # [G, T, B, n]
-        "potentials",  # [saved, T, B, n]
-        "argmax_branch",  # the argmax_branch branch, [saved, T, B, n], int8
-        "branch_weights",  # of this pass, [d*n, inputs]
+        "branch_weights",  # of this pass, [d*n, inputs]; for d = 1 the weight
+        "potentials",  # [T, B, n]
+        "argmax_branch",  # the branch of the largest current, [T, B, n], int8
     )
 )
 
-#: Constants of the LIF neurons (:class:`src.actors.lif.LIFConstants`).
-NEURON_CONSTANTS = np.dtype(
-    [
-        (name, np.float32)
-        for name in ("current_decay", "voltage_decay", "threshold", "window", "reset", "lateral_gradient")
-    ]
-)
+#: Constants of the LIF neurons.
+NEURON_CONSTANTS = np.dtype([(name, np.float32) for name in LIFConstants._fields])
 
-#: A pass of a spiking network over G minibatches of B samples; the last ``saved`` save what their gradient needs.
+#: A pass of a spiking network over G minibatches of B samples, and the gradient of its last minibatch.
 SPIKING_PASS = np.dtype(
     _integers(
         "sgemm",  # the product
         "groups",  # G
         "steps",  # T
         "samples",  # B
-        "saved",
+        "actions",  # M
+        "saved",  # 1 where a gradient may follow, else 0
         "input_spikes",  # [G, T, B, inputs]
         "rates",  # of the output population, [G*B, M*P]
-    )
-)
-
-#: The gradient of such a pass, of its last minibatch.
-SPIKING_GRADIENT = np.dtype(
-    _integers(
-        "sgemm",
-        "steps",
-        "samples",
-        "actions",  # M
-        "input_spikes",  # [T, B, inputs]
-        "grad_raw",  # gradient w.r.t. the raw action, [B, M]
         "decoder",  # [M, P]
+        "grad_raw",  # gradient w.r.t. the raw action, [B, M]
         "grad_strength",  # gradient w.r.t. the stimulation strength, [B, inputs]; 0: not wanted
     )
 )
@@ -94,5 +80,4 @@ SPIKING_LAYERS = from_dtype(SPIKING_LAYER)[::1]
 SPIKING_TRACES = from_dtype(SPIKING_TRACE)[::1]
 CONSTANTS_ARRAY = from_dtype(NEURON_CONSTANTS)[::1]
 SPIKING_PASSES = from_dtype(SPIKING_PASS)[::1]
-SPIKING_GRADIENTS = from_dtype(SPIKING_GRADIENT)[::1]
 MLP_LAYERS = from_dtype(MLP_LAYER)[::1]

@@ -128,7 +128,7 @@ def current_gradient(gc, gv, decay):  # type: ignore[no-untyped-def]
 
 @elementwise
 def branch_gradient(gz, gc, branch, index):  # type: ignore[no-untyped-def]
-    """The gradient goes to the branch that was the argmax_branch."""
+    """The gradient goes to the branch whose current was the largest."""
     for j in range(gz.shape[0]):
         value = gc[j]  # loaded unconditionally, or the loop is not SIMD
         gz[j] = value if branch[j] == index else ZERO

@@ -15,7 +15,7 @@ from torch import Tensor
 
 from src.algorithms.sac import Bounds
 from src.engine.jit import kernel
-from src.engine.memory import floats
+from src.engine.primitives import floats
 
 HALF_LOG_2PI, LOG_2 = np.float32(0.5 * math.log(2 * math.pi)), np.float32(math.log(2.0))
 HALF, ONE, TWO, ZERO = np.float32(0.5), np.float32(1), np.float32(2), np.float32(0)
