@@ -46,11 +46,11 @@ def compose_run(composed: DictConfig) -> Run:
     content = _resolved(composed)
     config = validate(content)
     own = _own_values(composed, to_dict(config))
-    inert = [key for key in inert_keys(config) if key in own]
-    if inert:
+    if inert := [key for key in inert_keys(config) if key in own]:
+        settled = OmegaConf.create(content)
         for key in inert:
-            _set(content, key, own[key])
-        config = validate(content)
+            OmegaConf.update(settled, key, own[key])
+        config = validate(_resolved(settled))
     changed = {key: value for key, value in _compared(to_dict(config)).items() if key not in own or own[key] != value}
     label = config.label if config.label is not None else variant_label(config.actor.name, changed)
     return Run(dataclasses.replace(config, label=label), changed)
@@ -68,12 +68,10 @@ def _own_values(composed: DictConfig, content: dict[str, Any]) -> dict[str, Any]
     """
     bare = dict(content)
     for group in _GROUPS:
-        option = OmegaConf.create({**content, group: _bare_option(group, content[group]["name"], *_origin(composed))})
+        whole = _with_bare_option(group, content[group]["name"], *_origin(composed))
+        option = OmegaConf.create({**content, group: whole[group]})
         bare[group] = OmegaConf.to_container(option[group], resolve=True)
-    defaults = _bare_option("", "", *_origin(composed))
-    bare |= {key: defaults[key] for key in _METHOD_KEYS}
-    bare["encoder"]["coding"] = content["encoder"]["coding"]
-    bare["label"] = None
+        bare |= {key: whole[key] for key in _METHOD_KEYS}
     return _compared(to_dict(parse(bare)))
 
 
@@ -89,22 +87,20 @@ def _origin(composed: DictConfig) -> tuple[str, tuple[str, ...]]:
 
 
 @cache
-def _bare_option(group: str, name: str, config_name: str, searchpath: tuple[str, ...]) -> Any:
-    """The option as Hydra composes it when nothing else is asked for; without a group, the whole configuration.
+def _with_bare_option(group: str, name: str, config_name: str, searchpath: tuple[str, ...]) -> Any:
+    """What Hydra composes, not resolved, where nothing but this option of this group is asked for.
 
     Raises:
         ConfigurationError: no option has this name.
     """
     loader: ConfigLoader = GlobalHydra.instance().config_loader()
     try:
-        whole = loader.load_configuration(
-            config_name, [*searchpath, *([f"{group}={name}"] if group else [])], RunMode.RUN, from_shell=False
-        )
+        whole = loader.load_configuration(config_name, [*searchpath, f"{group}={name}"], RunMode.RUN, from_shell=False)
     except HydraException:
         raise ConfigurationError(
             f"{group}.name: there is no {group}={name}; an option is named as its file, conf/{group}/{name}.yaml."
         ) from None
-    return OmegaConf.to_container(whole[group] if group else whole, resolve=False)
+    return OmegaConf.to_container(whole, resolve=False)
 
 
 def _resolved(composed: DictConfig) -> dict[str, Any]:
@@ -116,10 +112,3 @@ def _resolved(composed: DictConfig) -> dict[str, Any]:
         raise ConfigurationError(str(error).split("\n")[0]) from None
     assert isinstance(content, dict)
     return {str(key): value for key, value in content.items()}
-
-
-def _set(content: dict[str, Any], key: str, value: Any) -> None:
-    *parents, last = key.split(".")
-    for parent in parents:
-        content = content[parent]
-    content[last] = value

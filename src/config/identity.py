@@ -169,11 +169,10 @@ def variant_label(actor: str, changed: Mapping[str, Any]) -> str:
 
 
 def _compact(value: Any) -> str:
-    if value is None or isinstance(value, bool):
-        return {None: "null", True: "true", False: "false"}[value]
+    """As in JSON, strings without their quotes."""
     if isinstance(value, list):
         return "[" + ",".join(_compact(item) for item in value) + "]"
-    return repr(value) if isinstance(value, float) else str(value)
+    return value if isinstance(value, str) else json.dumps(value)
 
 
 def _hash(flat: Mapping[str, Any]) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from src.config.schema import ActorConfig, ExperimentConfig, ProtocolConfig, SACConfig, SpikingActorConfig
+from src.config.schema import ActorConfig, Coding, ExperimentConfig, ProtocolConfig, SACConfig, SpikingActorConfig
 
 
 def mistakes(config: ExperimentConfig) -> Iterator[str]:
@@ -27,24 +27,28 @@ def mistakes(config: ExperimentConfig) -> Iterator[str]:
         yield from _spiking_mistakes(actor)
 
 
+def resolved_coding(config: ExperimentConfig) -> Coding:
+    """The encoder's coding; with ``encoder=task`` that of the task, if the actor takes spikes, else what it takes."""
+    own = _own_coding(config.actor)
+    return own if own is not None and config.encoder.name == "task" else config.encoder.coding
+
+
+def _own_coding(actor: ActorConfig) -> Coding | None:
+    """What an actor takes whatever the task says; None: spikes of either coding."""
+    if getattr(actor, "coding", None) == "analog":  # the stimulation strength itself
+        return "analog"
+    return None if actor.spikes else "none"
+
+
 def _coding_mistakes(config: ExperimentConfig) -> Iterator[str]:
     actor = config.actor
     encoder = config.encoder
-    if takes_strength(actor):
-        if encoder.coding != "analog":
-            yield (
-                f"encoder={encoder.name}: actor {actor.name} takes the stimulation strength itself, no spikes; "
-                "leave encoder=task."
-            )
-    elif actor.spikes and encoder.coding == "none":
+    own = _own_coding(actor)
+    if own is None and encoder.coding == "none":
         yield f"encoder.coding: actor {actor.name} needs spikes; use encoder=task, poisson or deterministic."
-    elif not actor.spikes and encoder.coding != "none":
-        yield f"encoder={encoder.name}: actor {actor.name} takes no spikes; leave encoder=task."
-
-
-def takes_strength(actor: ActorConfig) -> bool:
-    """Whether an actor always takes the encoder's stimulation strength instead of spikes."""
-    return getattr(actor, "coding", None) == "analog"
+    elif own is not None and encoder.coding != own:
+        takes = "the stimulation strength itself, no spikes" if own == "analog" else "no spikes"
+        yield f"encoder={encoder.name}: actor {actor.name} takes {takes}; leave encoder=task."
 
 
 def _protocol_mistakes(protocol: ProtocolConfig) -> Iterator[str]:
@@ -91,42 +95,32 @@ def _spiking_mistakes(actor: SpikingActorConfig) -> Iterator[str]:
 def inert_keys(config: ExperimentConfig) -> Iterator[str]:
     """Dotted keys that change nothing in this configuration, because another key switches off what they set."""
     algo = config.algo
-    if config.encoder.coding == "none":
-        for key in ("population_size", "mean_range", "std", "min_std", "learnable", "threshold", "input_map"):
-            yield f"encoder.{key}"
-    elif config.encoder.coding != "deterministic":
-        yield "encoder.threshold"
-    if not isinstance(algo, SACConfig):
-        yield "actor.log_std_network"
-    elif algo.log_std_network == "shared":
-        yield "algo.log_std_hidden_sizes"
-        yield "algo.log_std_learning_rate"
+    coding = config.encoder.coding
+    receptive_fields = ("population_size", "mean_range", "std", "min_std", "learnable", "input_map")
+    switched_off = {
+        tuple(f"encoder.{key}" for key in receptive_fields): coding == "none",
+        ("encoder.threshold",): coding != "deterministic",
+        ("actor.log_std_network",): not isinstance(algo, SACConfig),
+        ("algo.log_std_hidden_sizes", "algo.log_std_learning_rate"): isinstance(algo, SACConfig)
+        and algo.log_std_network == "shared",
+        ("normalization_clip",): not config.normalize_observations,
+    }
     if isinstance(config.actor, SpikingActorConfig):
-        yield from _inert_spiking_keys(config.actor)
-    if not config.normalize_observations:
-        yield "normalization_clip"
+        switched_off |= _inert_spiking_keys(config.actor)
+    return (key for keys, off in switched_off.items() if off for key in keys)
 
 
-def _inert_spiking_keys(actor: SpikingActorConfig) -> Iterator[str]:
+def _inert_spiking_keys(actor: SpikingActorConfig) -> dict[tuple[str, ...], bool]:
     linear = actor.dendritic.branches == 1
     alone = actor.lateral.radius == 0
-    if linear:
-        yield "actor.dendritic.bias"
-        yield "actor.dendritic.init_fan_in"
-        yield "actor.mask_seed"
-    if alone:
-        yield "actor.lateral.include_self"
-        yield "actor.lateral.weights"
-        yield "actor.lateral.init_scale"
-    if alone and actor.output_lateral == "none":
-        yield "actor.lateral_gradient"
-    if linear and alone:
-        yield "actor.dendritic.output_topology"
-    if actor.neuron == "dn":
-        yield "actor.voltage_decay"
-    else:
-        yield from (f"actor.dn.theta_{name}" for name in "vurs")
-    if actor.output_lateral == "none":
-        yield "actor.output_lateral_bias"
-    if actor.readout == "rate":
-        yield "actor.readout_decay"
+    output_alone = actor.output_lateral == "none"
+    return {
+        ("actor.dendritic.bias", "actor.dendritic.init_fan_in", "actor.mask_seed"): linear,
+        ("actor.lateral.include_self", "actor.lateral.weights", "actor.lateral.init_scale"): alone,
+        ("actor.lateral_gradient",): alone and output_alone,
+        ("actor.dendritic.output_topology",): linear and alone,
+        ("actor.voltage_decay",): actor.neuron == "dn",
+        tuple(f"actor.dn.theta_{name}" for name in "vurs"): actor.neuron != "dn",
+        ("actor.output_lateral_bias",): output_alone,
+        ("actor.readout_decay",): actor.readout == "rate",
+    }

@@ -26,6 +26,7 @@ PositiveFloat = Annotated[float, Field(gt=0)]
 NonNegativeFloat = Annotated[float, Field(ge=0)]
 UnitInterval = Annotated[float, Field(ge=0, le=1)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.,=+\[\]-]*$", max_length=200)]
+Coding = Literal["poisson", "deterministic", "analog", "none"]
 LayerSizes = Annotated[tuple[Positive, ...], Field(min_length=1)]
 
 
@@ -138,7 +139,7 @@ class EncoderConfig:
     """Population encoder and spike coding [P, Input Encoding]."""
 
     name: Literal["task", "poisson", "deterministic", "analog"]
-    coding: Literal["poisson", "deterministic", "analog", "none"]
+    coding: Coding
     population_size: Positive  # J
     mean_range: Annotated[tuple[float, float], Field(strict=False)]  # mu = linspace(low, high, J)
     std: PositiveFloat  # initial sigma

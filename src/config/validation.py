@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from src.config.rules import mistakes
+from src.config.rules import mistakes, resolved_coding
 from src.config.schema import ExperimentConfig
 
 _SCHEMA = TypeAdapter(ExperimentConfig)
@@ -69,9 +70,10 @@ def parse(composed: dict[str, Any]) -> ExperimentConfig:
         ConfigurationError: as :func:`validate`.
     """
     try:
-        return _SCHEMA.validate_json(json.dumps(_coding_that_the_actor_takes(composed), default=str))
+        config = _SCHEMA.validate_json(json.dumps(composed, default=str))
     except ValidationError as error:
         raise ConfigurationError("\n".join(sentence(each) for each in error.errors())) from None
+    return replace(config, encoder=replace(config.encoder, coding=resolved_coding(config)))
 
 
 def to_dict(config: ExperimentConfig) -> dict[str, Any]:
@@ -96,19 +98,3 @@ def sentence(error: Any, prefix: str = "") -> str:
         expected = _EXPECTED.get(kind, str(error["msg"]).removeprefix("Input should be ").rstrip("."))
         expected = expected.format_map({"key": key, "input": error["input"], **(error.get("ctx") or {})})
     return f"{key}: should be {expected}, found {error['input']!r}."
-
-
-def _coding_that_the_actor_takes(composed: dict[str, Any]) -> dict[str, Any]:
-    """An actor without spikes takes none, whatever the task says; asking for spikes by name is refused later.
-
-    One that takes the stimulation strength itself says so by its own key ``coding``.
-    """
-    actor = composed.get("actor")
-    encoder = composed.get("encoder")
-    if isinstance(actor, dict) and isinstance(encoder, dict) and encoder.get("name") == "task":
-        if actor.get("coding") == "analog":
-            return composed | {"encoder": encoder | {"coding": "analog"}}
-        spikes = actor.get("spikes", actor.get("kind") == "spiking")
-        if spikes is False:
-            return composed | {"encoder": encoder | {"coding": "none"}}
-    return composed

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from src.config import EnvConfig, ExperimentConfig
-from src.experiment.run_directory import ManifestError, read_manifest
+from src.experiment.run_directory import ManifestError, RunDirectory
 from src.paths import repository_path
 
 #: Environment steps per second of one run on one core, rough, where nothing has been measured yet (TD3 on Hopper).
@@ -63,9 +63,9 @@ def _rate(config: ExperimentConfig) -> tuple[float, bool]:
 def _measured_rates(results: Path) -> dict[tuple[str, str, str], list[float]]:
     """Steps per second of every run in the results folder that got past a thousand steps."""
     rates: dict[tuple[str, str, str], list[float]] = {}
-    for path in results.glob("*/runs/*/*/*/*/seed_*/manifest.json"):
+    for path in results.glob("*/runs/*/*/*/*/seed_*"):
         try:
-            run = read_manifest(path)
+            run = RunDirectory(path).read_manifest()
         except (ManifestError, OSError):
             continue
         if run is not None and run.step >= 1000 and run.wall_time_seconds > 0:

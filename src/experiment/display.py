@@ -12,11 +12,12 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from src.config.identity import Run
 from src.experiment.cost import cost
 from src.experiment.files import last_return, last_speed
-from src.experiment.plan import NAMED, Plan, PlannedRun
+from src.experiment.plan import NAMED, Plan, check_writable, make_plan
 from src.experiment.progress import duration, number, pace, say
-from src.experiment.run_directory import ManifestError, RunState
+from src.experiment.run_directory import ManifestError, RunDirectory, RunState
 from src.experiment.state import ExitCode, Next, RunResult, exit_code
 from src.paths import shown_path
 
@@ -25,8 +26,25 @@ _REFRESH_SECONDS = 2.0
 _LINE_SECONDS = 300.0
 
 
-def show_plan(plan: Plan, console: Console, jobs_at_once: int, with_cost: bool) -> None:
-    """Print what will be done: a line per group of seeds, then the runs that need a word."""
+def announced(runs: Sequence[Run], console: Console, jobs_at_once: int, trains_here: bool = False) -> Plan | None:
+    """Plan a grid and print the plan; None where ``dry_run`` asks for no more than that and its cost.
+
+    Raises:
+        ConfigurationError: as :func:`src.experiment.plan.make_plan`, or the results can't be written.
+    """
+    plan = make_plan(runs, trains_here)
+    dry = any(run.config.dry_run for run in runs)
+    _show_plan(plan, console)
+    if dry and plan.to_do:
+        _show_cost(plan, console, min(jobs_at_once, len(plan.to_do)))
+    if dry:
+        return None
+    check_writable(runs[0].config)
+    return plan
+
+
+def _show_plan(plan: Plan, console: Console) -> None:
+    """What will be done: a line per group of seeds, then the runs that need a word."""
     counts = Counter(each.next.action for each in plan.runs)
     studies = sorted({shown_path(each.run.path.parents[5]) for each in plan.runs})
     say(
@@ -41,11 +59,9 @@ def show_plan(plan: Plan, console: Console, jobs_at_once: int, with_cost: bool) 
     for action in (each for each in Next if each not in (Next.RUN, Next.SKIP)):
         concerned = plan.having(action)
         for each in concerned[:NAMED]:
-            say(console, f"{action}: {each.name} ({each.next.reason})")
+            say(console, f"{action}: {each.run.name} ({each.next.reason})")
         if len(concerned) > NAMED:
             say(console, f"... and {len(concerned) - NAMED} more to {action}")
-    if with_cost and plan.to_do:
-        _show_cost(plan, console, jobs_at_once)
 
 
 def _plan_table(plan: Plan, present: Sequence[Next]) -> Table:
@@ -98,17 +114,17 @@ class SweepDisplay:
     def __exit__(self, *_: object) -> None:
         self._live.stop()
 
-    def started(self, planned: PlannedRun) -> None:
+    def started(self, run: Run) -> None:
         """A job has begun."""
         if not self._console.is_terminal:
-            self.note(f"[{self._ended}/{self._runs}] {planned.name} started")
+            self.note(f"[{self._ended}/{self._runs}] {run.name} started")
 
     def ended(self, result: RunResult, seconds: float) -> None:
         """A job has ended: one permanent line."""
         self._ended += 1
-        line = f"[{self._ended}/{self._runs}] {result.name} {result.state} {seconds:.0f} s"
+        line = f"[{self._ended}/{self._runs}] {result.run.name} {result.state} {seconds:.0f} s"
         if result.state == RunState.COMPLETE:
-            line += f" return {number(last_return(result.read / 'evaluations.csv'))}"
+            line += f" return {number(last_return(result.run.path / 'evaluations.csv'))}"
         elif result.why:
             line += f" ({result.why})"
         self.note(line)
@@ -117,7 +133,7 @@ class SweepDisplay:
         """One permanent line."""
         say(self._console, text)
 
-    def show(self, running: Sequence[PlannedRun], waiting: int) -> None:
+    def show(self, running: Sequence[Run], waiting: int) -> None:
         """Refresh, if the last time was long enough ago."""
         if time.monotonic() - self._last < (_REFRESH_SECONDS if self._console.is_terminal else _LINE_SECONDS):
             return
@@ -134,16 +150,16 @@ class SweepDisplay:
         self._live.update(Group(head, table), refresh=True)
 
 
-def _how_far(planned: PlannedRun) -> tuple[str, str]:
+def _how_far(run: Run) -> tuple[str, str]:
     """The steps of a running run, and its last return, speed and time left."""
     try:
-        manifest = planned.directory.read_manifest()
+        manifest = RunDirectory(run.path).read_manifest()
     except (ManifestError, OSError):
         manifest = None
     if manifest is None:
         return "starting", ""
-    speed = last_speed(planned.run.path / "training.csv")
-    shown = pace(last_return(planned.run.path / "evaluations.csv"), speed, manifest.total_steps - manifest.step)
+    speed = last_speed(run.path / "training.csv")
+    shown = pace(last_return(run.path / "evaluations.csv"), speed, manifest.total_steps - manifest.step)
     return f"{manifest.step}/{manifest.total_steps}", shown
 
 
@@ -158,9 +174,7 @@ def show_summary(results: Sequence[RunResult], busy_before: int, console: Consol
     well = (RunState.COMPLETE, RunState.INTERRUPTED, RunState.NOT_STARTED)
     unwell = [result for result in results if result.state not in well]
     width = max((len(result.state) for result in unwell), default=0)
-    for result in unwell:  # unwrapped lines: a path can be copied, a line can be searched for
-        print(
-            f"{result.state:{width}}  {result.name}  {result.why}\n{'':{width}}  read {shown_path(result.read)}",
-            flush=True,
-        )
+    for result in unwell:
+        say(console, f"{result.state:{width}}  {result.run.name}  {result.why}")
+        say(console, f"{'':{width}}  read {shown_path(result.read or result.run.path)}")
     return exit_code(count)

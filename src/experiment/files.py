@@ -9,11 +9,9 @@ from __future__ import annotations
 import errno
 import os
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-
-EVALUATION_COLUMNS = ("step", "episode", "return", "length")
 
 
 def replace_file(path: Path, content: bytes) -> None:
@@ -72,28 +70,32 @@ class CsvLog:
         found = [int(row.split(b",", 1)[0]) for row in self.path.read_bytes().splitlines()[1:]]
         return [step for step in found if step <= last]
 
-    def columns(self) -> tuple[str, ...] | None:
-        """The header, or None where nothing has been written yet."""
-        try:
-            with self.path.open("rb") as file:
-                line = file.readline().decode()
-        except FileNotFoundError:
-            return None
-        return tuple(line.rstrip("\n").split(",")) if line.endswith("\n") else None
+    def write(self, *rows: Mapping[str, float | int | None]) -> None:
+        """Append ``rows`` in one write, with a header before them where the file is new.
 
-    def write(self, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-        """Append ``rows`` in one write, with the header before them where the file is new.
+        The first row fixes the columns; None, or a column that a row lacks, is an empty field.
 
         Raises:
             OSError: nothing was appended.
-            ValueError: the file has other columns.
+            ValueError: ``step`` is not the first column, or a row has a column that the file lacks.
         """
-        present = self.columns()
-        if present is not None and present != tuple(columns):
-            raise ValueError(f"{self.path.name} has the columns {','.join(present)}, not {','.join(columns)}")
-        lines = [] if present is not None else [",".join(columns)]
-        lines += [",".join(_field(value) for value in row) for row in rows]
+        header = self._header()
+        columns = header or list(rows[0])
+        if columns[0] != "step":
+            raise ValueError(f"the first column of {self.path.name} must be step, not {columns[0]}")
+        if unknown := {key for row in rows for key in row} - set(columns):
+            raise ValueError(f"{self.path.name} has no column {', '.join(sorted(unknown))}")
+        lines = [] if header else [",".join(columns)]
+        lines += [",".join(_field(row.get(column)) for column in columns) for row in rows]
         self._append(("\n".join(lines) + "\n").encode())
+
+    def _header(self) -> list[str] | None:
+        try:
+            with self.path.open() as file:
+                line = file.readline()
+        except FileNotFoundError:
+            return None
+        return line.rstrip("\n").split(",") if line else None
 
     def _append(self, content: bytes) -> None:
         descriptor = os.open(self.path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
@@ -121,25 +123,12 @@ class EvaluationLog(CsvLog):
 
     def append(self, step: int, episodes: Sequence[tuple[float, int]]) -> None:
         """Append the ``(return, length)`` of every episode of one evaluation, all or none."""
-        rows = [(step, index, float(total), int(length)) for index, (total, length) in enumerate(episodes)]
-        self.write(EVALUATION_COLUMNS, rows)
-
-
-class TrainingLog(CsvLog):
-    """``training.csv``: one row per evaluation interval."""
-
-    def append(self, row: Mapping[str, float | int | None]) -> None:
-        """Append one row; None, or a column that the row lacks, is an empty field. The first row fixes the columns.
-
-        Raises:
-            ValueError: ``step`` is not the first column, or the row has a column that the file lacks.
-        """
-        columns = self.columns() or tuple(row)
-        if columns[0] != "step":
-            raise ValueError(f"the first column of {self.path.name} must be step, not {columns[0]}")
-        if unknown := set(row) - set(columns):
-            raise ValueError(f"{self.path.name} has no column {', '.join(sorted(unknown))}")
-        self.write(columns, [[row.get(column) for column in columns]])
+        self.write(
+            *(
+                {"step": step, "episode": index, "return": float(total), "length": int(length)}
+                for index, (total, length) in enumerate(episodes)
+            )
+        )
 
 
 def last_row(path: Path) -> dict[str, str] | None:

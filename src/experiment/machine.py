@@ -14,38 +14,35 @@ from pathlib import Path
 
 from src.paths import ROOT
 
-_DISTRIBUTIONS = ("torch", "torchrl", "tensordict", "gymnasium", "mujoco", "numpy", "numba", "scipy")
+_PACKAGES = ("torch", "torchrl", "tensordict", "gymnasium", "mujoco", "numpy", "numba", "scipy")
 
 
 def versions() -> dict[str, str | None]:
-    """Installed versions, read without importing anything heavy."""
+    """Installed versions, read without importing anything heavy; None of what is not installed."""
     found: dict[str, str | None] = {"python": platform.python_version()}
-    for name in _DISTRIBUTIONS:
-        found[name] = _version(name)
-    return found | {"hydra": _version("hydra-core")}
-
-
-def _version(distribution: str) -> str | None:
-    try:
-        return metadata.version(distribution)
-    except metadata.PackageNotFoundError:
-        return None
+    for name, distribution in (*((each, each) for each in _PACKAGES), ("hydra", "hydra-core")):
+        try:
+            found[name] = metadata.version(distribution)
+        except metadata.PackageNotFoundError:
+            found[name] = None
+    return found
 
 
 def commit() -> tuple[str | None, bool | None]:
     """The commit of the code and whether src/ or conf/ differ from it; (None, None) without git."""
-    head = _git("rev-parse", "HEAD")
+    head = _output("git", "rev-parse", "HEAD")
     if head is None:
         return None, None
-    changes = _git("status", "--porcelain", "--", "src", "conf")
+    changes = _output("git", "status", "--porcelain", "--", "src", "conf")
     return head, None if changes is None else bool(changes)
 
 
-def _git(*arguments: str) -> str | None:
+def _output(*command: str) -> str | None:
+    """What a program prints; None where there is none, or it fails."""
     environment = {**os.environ, "GIT_OPTIONAL_LOCKS": "0"}
     try:
         done = subprocess.run(
-            ["git", *arguments], cwd=ROOT, env=environment, capture_output=True, text=True, timeout=30, check=True
+            command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=30, check=True
         )
     except (OSError, subprocess.SubprocessError):
         return None
@@ -63,15 +60,9 @@ def processor() -> str:
         return found["model name"]
     if "CPU part" in found:
         return f"{platform.machine()} implementer {found.get('CPU implementer')} part {found['CPU part']}"
-    return _sysctl("machdep.cpu.brand_string") or platform.processor() or platform.machine() or "unknown"
-
-
-def _sysctl(name: str) -> str | None:
-    """What macOS says."""
-    try:
-        return subprocess.run(["sysctl", "-n", name], capture_output=True, text=True, check=True).stdout.strip() or None
-    except (OSError, subprocess.SubprocessError):
-        return None
+    return (
+        _output("sysctl", "-n", "machdep.cpu.brand_string") or platform.processor() or platform.machine() or "unknown"
+    )
 
 
 def usable_cores() -> int:

@@ -12,7 +12,7 @@ import dataclasses
 import shutil
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -86,14 +86,13 @@ def conflict_message(run: Run, found: NextAction) -> str:
     )
 
 
-def wait_for_stale_heartbeat(directory: RunDirectory, sleep: Callable[[float], None] = time.sleep) -> bool:
+def wait_for_stale_heartbeat(directory: RunDirectory) -> bool:
     """With the lock held: wait until another machine's sign of life is old (True) or has moved (False: it lives)."""
-    first = current = directory.read_manifest()
-    while alive_elsewhere(directory.path, current):
-        if current is not None and first is not None and current.updated != first.updated:
+    first = directory.read_manifest()
+    while alive_elsewhere(directory.path, current := directory.read_manifest()):
+        if current != first:
             return False
-        sleep(5.0)
-        current = directory.read_manifest()
+        time.sleep(5.0)
     return True
 
 

@@ -1,33 +1,41 @@
-"""The plan of a grid: what will be done with every run, decided before anything starts. Never imports torch."""
+"""The plan of a grid: whether every run can be trained here and what will be done with it, before anything starts.
+
+A mistake costs one sentence instead of a queue of failed jobs. Never imports torch in this process.
+"""
 
 from __future__ import annotations
 
+import importlib.util
+import json
+import subprocess
+import sys
+import tempfile
 from collections.abc import Iterator, Sequence
+from contextlib import closing
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from src.config import ENGINE, ConfigurationError, to_dict
+from src.config import ENGINE, ConfigurationError, EnvConfig, ExperimentConfig, to_dict
 from src.config.identity import Run, differences, flatten, hashed_values
-from src.experiment.checks import check_devices, check_installed
 from src.experiment.ownership import conflict_message
 from src.experiment.run_directory import ManifestError, RunDirectory
 from src.experiment.state import TO_DO, Next, NextAction, next_action
+from src.paths import repository_path
 
 #: So many runs are named one by one; the rest is counted.
 NAMED = 10
+_LOGGERS = {
+    "wandb": "logger=wandb: wandb is not installed; run: pip install '.[wandb]'",
+    "tensorboard": "logger=tensorboard: tensorboard is not installed; install it, or take logger=none",
+}
 
 
 class PlannedRun(NamedTuple):
-    """One run, its directory and what will be done."""
+    """One run and what will be done."""
 
     run: Run
-    directory: RunDirectory
     next: NextAction
-
-    @property
-    def name(self) -> str:
-        """``td3/hopper/bptsan/poisson/seed_2``."""
-        return self.run.name
 
 
 class Plan(NamedTuple):
@@ -56,11 +64,12 @@ def make_plan(runs: Sequence[Run], gpus_here: bool = False) -> Plan:
         ConfigurationError: what can't be run here; two runs share a directory, or a directory holds another
             configuration's run; the seeds of one label differ in more than their seed.
     """
-    check_installed(run.config for run in runs)
+    configs = [run.config for run in runs]
+    _check_installed(configs)
     if gpus_here:
-        check_devices(run.config for run in runs)
+        _check_devices(configs)
     _refuse_shared_directories(runs)
-    plan = Plan(tuple(PlannedRun(run, RunDirectory(run.path), next_action(run)) for run in runs))
+    plan = Plan(tuple(PlannedRun(run, next_action(run)) for run in runs))
     _refuse([conflict_message(each.run, each.next) for each in plan.having(Next.CONFLICT)])
     _refuse(list(_mixed_seeds(runs)))
     return plan
@@ -91,29 +100,26 @@ def _refuse_shared_directories(runs: Sequence[Run]) -> None:
 def _mixed_seeds(runs: Sequence[Run]) -> Iterator[str]:
     """The seeds of one label must be one configuration, those of this grid and those that lie beside them."""
     planned = {run.path for run in runs}
-    first: dict[Path, Run] = {}
+    first: dict[Path, tuple[str, dict[str, Any]]] = {}
     for run in runs:
         own = compared_between_seeds(to_dict(run.config), ENGINE)
         folder = run.path.parent
         if folder in first:
-            other = first[folder]
-            yield from _mixed(
-                run, own, f"seed {other.config.seed}", compared_between_seeds(to_dict(other.config), ENGINE)
-            )
-            continue
-        first[folder] = run
-        for sibling in sorted(folder.glob("seed_*")):
-            if sibling not in planned and (there := compared_on_disk(sibling)) is not None:
-                yield from _mixed(run, own, f"{sibling.name.replace('_', ' ')}, which is there already", there)
-
-
-def _mixed(run: Run, own: dict[str, Any], other: str, others: dict[str, Any]) -> Iterator[str]:
-    if changes := differences(others, own):
-        yield (
-            f"{run.name} and {other}: they differ in more than the seed: {', '.join(map(str, changes))}. "
-            "One label is one configuration: choose another place (study=..., or label=... for a variant), "
-            "or ask for all its seeds alike."
-        )
+            others = [first[folder]]
+        else:
+            first[folder] = (f"seed {run.config.seed}", own)
+            others = [
+                (f"{sibling.name.replace('_', ' ')}, which is there already", there)
+                for sibling in sorted(folder.glob("seed_*"))
+                if sibling not in planned and (there := compared_on_disk(sibling)) is not None
+            ]
+        for other, values in others:
+            if changes := differences(values, own):
+                yield (
+                    f"{run.name} and {other}: they differ in more than the seed: {', '.join(map(str, changes))}. "
+                    "One label is one configuration: choose another place (study=..., or label=... for a variant), "
+                    "or ask for all its seeds alike."
+                )
 
 
 def compared_between_seeds(content: dict[str, Any], engine: int) -> dict[str, Any]:
@@ -139,3 +145,74 @@ def compared_on_disk(path: Path) -> dict[str, Any] | None:
         return compared_between_seeds(content, manifest.engine) | {"protocol.total_steps": manifest.total_steps}
     except (KeyError, TypeError):
         return None
+
+
+def _check_installed(configs: Sequence[ExperimentConfig]) -> None:
+    """Build each distinct task once, and look for the loggers' packages."""
+    tasks = {json.dumps([config.env.id, config.env.kwargs], sort_keys=True): config.env for config in configs}
+    loggers = {config.logger.name for config in configs}
+    mistakes = [_LOGGERS[name] for name in sorted(loggers & _LOGGERS.keys()) if importlib.util.find_spec(name) is None]
+    for task in tasks.values():
+        try:
+            build_task(task)
+        except ConfigurationError as error:
+            mistakes.append(str(error))
+    if mistakes:
+        raise ConfigurationError("\n".join(mistakes))
+
+
+def build_task(task: EnvConfig) -> None:
+    """Build a task and take one step.
+
+    Raises:
+        ConfigurationError: that can't be done on this machine, or the task is none that a run can be saved on.
+    """
+    from src.training.gym_task import is_mujoco, make_gym  # Gymnasium takes a while to import
+
+    with closing(make_gym(task)) as environment:
+        if not is_mujoco(environment):
+            raise ConfigurationError(
+                f"env.id: {task.id} is no MuJoCo task of Gymnasium, so a run on it could not be saved and resumed."
+            )
+        try:
+            environment.reset(seed=0)
+            environment.step(environment.action_space.sample() * 0)
+        except Exception as error:
+            raise ConfigurationError(
+                f"env: {task.id} with the arguments {task.kwargs} fails at its first step: "
+                f"{type(error).__name__}: {error}"
+            ) from None
+
+
+def _check_devices(configs: Sequence[ExperimentConfig]) -> None:
+    """Ask PyTorch, in a process of its own, for the GPUs that runs of this machine want."""
+    for device in sorted({config.device for config in configs if config.device != "cpu"}):
+        wanted = int(device.partition(":")[2] or 0)
+        if wanted >= gpu_count():
+            found = f"{gpu_count()} CUDA GPU{'s' * (gpu_count() != 1)}" if gpu_count() else "no CUDA GPU"
+            raise ConfigurationError(f"device: {device} is asked for and PyTorch finds {found}; use cpu.")
+
+
+@cache
+def gpu_count() -> int:
+    """How many CUDA devices PyTorch finds on this machine."""
+    command = [sys.executable, "-c", "import torch; print(torch.cuda.device_count() * torch.cuda.is_available())"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    return int(done.stdout) if done.returncode == 0 else 0
+
+
+def check_writable(config: ExperimentConfig) -> None:
+    """Try to write where the results go.
+
+    Raises:
+        ConfigurationError: that can't be done.
+    """
+    folder = repository_path(config.results_dir)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise ConfigurationError(
+            f"results_dir: {config.results_dir} can't be written ({error.strerror}); choose another folder."
+        ) from None

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import IO, Protocol
+from typing import Protocol
 
 from rich.console import Console
 from rich.progress import BarColumn, TextColumn
@@ -33,17 +32,13 @@ class Progress(Protocol):
 class PlainProgress:
     """A line now and then, for logs and pipes."""
 
-    def __init__(
-        self, total_steps: int, file: IO[str] | None = None, clock: Callable[[], float] = time.monotonic
-    ) -> None:
+    def __init__(self, total_steps: int) -> None:
         self._total = total_steps
-        self._file = file
-        self._clock = clock
         self._last = -float("inf")
 
     def update(self, step: int, last_return: float | None, steps_per_second: float) -> None:
         """Print a line at most every :data:`LINE_SECONDS`, and at the end."""
-        now = self._clock()
+        now = time.monotonic()
         if now - self._last < LINE_SECONDS and step < self._total:
             return
         self._last = now
@@ -51,7 +46,7 @@ class PlainProgress:
 
     def note(self, text: str) -> None:
         """Print it."""
-        print(text, file=self._file or sys.stdout, flush=True)
+        print(text, flush=True)
 
 
 class LiveProgress:
@@ -75,25 +70,24 @@ class LiveProgress:
 class Heartbeat:
     """Hands everything on and keeps ``step``, ``wall_time_seconds`` and ``updated`` of the manifest fresh."""
 
-    def __init__(self, run: RunDirectory, inner: Progress, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, run: RunDirectory, inner: Progress) -> None:
         self._run = run
         self._inner = inner
-        self._clock = clock
         self.step = run.manifest.step
         self._before = run.manifest.wall_time_seconds
-        self._began = self._last = clock()
+        self._began = self._last = time.monotonic()
 
     @property
     def wall_time_seconds(self) -> float:
         """Time spent, over all resumes."""
-        return round(self._before + self._clock() - self._began, 3)
+        return round(self._before + time.monotonic() - self._began, 3)
 
     def update(self, step: int, last_return: float | None, steps_per_second: float) -> None:
         """Every update is shown; the manifest follows at most every :data:`HEARTBEAT_SECONDS`."""
         self.step = step
         self._inner.update(step, last_return, steps_per_second)
-        if self._clock() - self._last >= HEARTBEAT_SECONDS:
-            self._last = self._clock()
+        if time.monotonic() - self._last >= HEARTBEAT_SECONDS:
+            self._last = time.monotonic()
             self._run.update_manifest(step=step, wall_time_seconds=self.wall_time_seconds)
 
     def note(self, text: str) -> None:

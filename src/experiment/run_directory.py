@@ -18,7 +18,7 @@ from pydantic.dataclasses import dataclass
 
 from src.config import to_dict
 from src.config.identity import Run
-from src.experiment.files import EvaluationLog, TrainingLog, replace_file
+from src.experiment.files import CsvLog, EvaluationLog, replace_file
 
 #: In ``state/``: the replay, and the checkpoints, which must both be there for a complete run to be extended.
 REPLAY_FILE = "replay.bin"
@@ -135,29 +135,6 @@ def seconds_since(stamp: str | None) -> float:
     return (datetime.now(UTC) - datetime.strptime(stamp, _STAMP).replace(tzinfo=UTC)).total_seconds()
 
 
-def read_manifest(path: Path) -> Manifest | None:
-    """The manifest at ``path``; None where there is none.
-
-    Raises:
-        ManifestError: not one of ours; it is always replaced as a whole, so somebody else has changed it.
-    """
-    try:
-        content = path.read_bytes()
-    except (FileNotFoundError, NotADirectoryError):
-        return None
-    try:
-        manifest = _SCHEMA.validate_json(content)
-    except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"]) or "the file"
-        raise ManifestError(
-            f"{path}: can't be read ({key}: {first['msg']}); restore it, or delete its run directory."
-        ) from None
-    if manifest.format != FORMAT:
-        raise ManifestError(f"{path}: format {manifest.format}, this code reads format {FORMAT}.")
-    return manifest
-
-
 class RunDirectory:
     """The files of one run. Writing is for the process that owns it (:func:`src.experiment.ownership.acquire`)."""
 
@@ -166,20 +143,15 @@ class RunDirectory:
         self.state = path / "state"
         self._manifest: Manifest | None = None
 
-    @property
-    def name(self) -> str:
-        """``td3/hopper/bptsan/poisson/seed_2``."""
-        return "/".join(self.path.parts[-5:])
-
     @cached_property
     def evaluations(self) -> EvaluationLog:
         """``evaluations.csv``, a torn last row cut."""
         return EvaluationLog(self.path / "evaluations.csv")
 
     @cached_property
-    def training(self) -> TrainingLog:
+    def training(self) -> CsvLog:
         """``training.csv``, a torn last row cut."""
-        return TrainingLog(self.path / "training.csv")
+        return CsvLog(self.path / "training.csv")
 
     @cached_property
     def log(self) -> logging.Logger:
@@ -231,9 +203,22 @@ class RunDirectory:
         """The manifest as it is on disk; None where there is none.
 
         Raises:
-            ManifestError: it can't be read.
+            ManifestError: not one of ours; it is always replaced as a whole, so somebody else has changed it.
         """
-        return read_manifest(self.path / "manifest.json")
+        path = self.path / "manifest.json"
+        try:
+            manifest = _SCHEMA.validate_json(path.read_bytes())
+        except (FileNotFoundError, NotADirectoryError):
+            return None
+        except ValidationError as error:
+            first = error.errors()[0]
+            key = ".".join(str(part) for part in first["loc"]) or "the file"
+            raise ManifestError(
+                f"{path}: can't be read ({key}: {first['msg']}); restore it, or delete its run directory."
+            ) from None
+        if manifest.format != FORMAT:
+            raise ManifestError(f"{path}: format {manifest.format}, this code reads format {FORMAT}.")
+        return manifest
 
     @property
     def manifest(self) -> Manifest:

@@ -205,12 +205,12 @@ def _difference(run: Run, manifest: Manifest) -> str:
 
 
 class RunResult(NamedTuple):
-    """How a run stands at the end of a command: ``read`` is where a person reads more."""
+    """How a run stands at the end of a command: ``read`` is where a person reads more, if not in its directory."""
 
-    name: str
+    run: Run
     state: RunState
-    why: str
-    read: Path
+    why: str = ""
+    read: Path | None = None
 
 
 def result_of(run: Run, cause_of_death: str | None = None) -> RunResult:
@@ -224,9 +224,9 @@ def result_of(run: Run, cause_of_death: str | None = None) -> RunResult:
     log = run.path / "state" / "log.txt"
     failure = run.path / "failure.txt"
     if seen.state == RunState.FAILED:
-        return RunResult(run.name, seen.state, seen.why, failure if failure.exists() else log)
+        return RunResult(run, seen.state, seen.why, failure if failure.exists() else log)
     if seen.manifest is not None and seen.manifest.status != RunState.RUNNING:
-        return RunResult(run.name, seen.state, seen.why, run.path)
+        return RunResult(run, seen.state, seen.why)
     if held_here(run.path):
-        return RunResult(run.name, RunState.BUSY, "held by a live process", log)
-    return RunResult(run.name, RunState.NOT_FINISHED, cause_of_death or "it ended without a word", log)
+        return RunResult(run, RunState.BUSY, "held by a live process", log)
+    return RunResult(run, RunState.NOT_FINISHED, cause_of_death or "it ended without a word", log)

@@ -70,7 +70,10 @@ def _execute(run: Run, progress: Progress, also_stop: Callable[[], bool] | None)
             return Outcome(RunState.DIVERGED, found.step, found.reason)
         heartbeat = Heartbeat(directory, progress)
         try:
-            outcome = _train(run, directory, heartbeat, stop_requested)
+            process.set_threads_before_torch(run.config.threads)
+            from src.training.session import train  # torch loads here, after the thread variables are set
+
+            outcome = train(run.config, directory, heartbeat, stop_requested)
         except KeyboardInterrupt:
             directory.update_manifest(
                 status=RunState.INTERRUPTED, step=heartbeat.step, wall_time_seconds=heartbeat.wall_time_seconds
@@ -86,13 +89,6 @@ def _execute(run: Run, progress: Progress, also_stop: Callable[[], bool] | None)
             directory.shrink_state()  # a kill since the manifest says `complete` costs disk, not the run
         directory.give_back_reserve()
         return outcome
-
-
-def _train(run: Run, directory: RunDirectory, progress: Progress, stop_requested: Callable[[], bool]) -> Outcome:
-    process.set_threads_before_torch(run.config.threads)
-    from src.training.session import train  # torch loads here, after the thread variables are set
-
-    return train(run.config, directory, progress, stop_requested)
 
 
 def _record(directory: RunDirectory, heartbeat: Heartbeat, outcome: Outcome) -> None:

@@ -187,7 +187,7 @@ class TrainingSession:
         self.interval_seconds += time.perf_counter() - started
         if self.step > 0:
             row = self._training_row()
-            self.run.training.append(row)
+            self.run.training.write(row)
             logger.write(self.step, row | {"evaluation_return": self.last_return})
         else:
             logger.write(0, {"evaluation_return": self.last_return})

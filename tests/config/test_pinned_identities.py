@@ -11,7 +11,7 @@ import yaml
 
 from src.config import validate
 from src.config.identity import Run
-from src.experiment.run_directory import read_manifest
+from src.experiment.run_directory import RunDirectory
 from tests.experiment.runs import ROOT, changed, run_of
 
 PINNED = [
@@ -79,7 +79,7 @@ FINISHED = sorted(Path(ROOT / "results").glob("*/runs/*/*/*/*/seed_0"))
 
 @pytest.mark.parametrize("path", FINISHED, ids=lambda path: "/".join(path.parts[-7:]))
 def test_a_finished_run_is_still_read_and_keeps_its_hash(path, monkeypatch):
-    manifest = read_manifest(path / "manifest.json")
+    manifest = RunDirectory(path).read_manifest()
     monkeypatch.setattr("src.config.identity.ENGINE", manifest.engine)
     run = Run(validate(yaml.safe_load((path / "config.yaml").read_text())))
     assert manifest.configuration_hash == run.configuration_hash

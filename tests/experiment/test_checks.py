@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from src.config import ConfigurationError, EnvConfig
-from src.experiment import checks
+from src.experiment import plan
 from src.experiment.plan import make_plan
 from tests.experiment.command import run
 from tests.experiment.runs import ROOT, changed, smoke
@@ -36,7 +36,7 @@ def test_a_task_that_cannot_be_built_here_is_refused_in_the_plan(tmp_path, keys,
 
 def test_each_distinct_task_is_built_once(tmp_path, monkeypatch):
     built: list[EnvConfig] = []
-    monkeypatch.setattr(checks, "build_task", built.append)
+    monkeypatch.setattr(plan, "build_task", built.append)
     make_plan([smoke(tmp_path, f"seed={seed}") for seed in range(3)] + [smoke(tmp_path, "actor=aan")])
     assert len(built) == 1
 
@@ -50,7 +50,7 @@ def test_a_logger_that_is_not_installed_is_refused_in_the_plan(tmp_path, monkeyp
 
 @pytest.mark.parametrize(("device", "gpus"), [("cuda", 0), ("cuda:1", 1), ("cuda:0", 0)])
 def test_a_gpu_that_is_not_here_is_refused_where_the_runs_train_here(tmp_path, monkeypatch, device, gpus):
-    monkeypatch.setattr(checks, "gpu_count", lambda: gpus)
+    monkeypatch.setattr(plan, "gpu_count", lambda: gpus)
     one = changed(smoke(tmp_path), device=device)
     with pytest.raises(ConfigurationError, match=f"device: {device} is asked for and PyTorch finds"):
         make_plan([one], gpus_here=True)
@@ -58,7 +58,7 @@ def test_a_gpu_that_is_not_here_is_refused_where_the_runs_train_here(tmp_path, m
 
 
 def test_a_gpu_that_is_here_is_taken(tmp_path, monkeypatch):
-    monkeypatch.setattr(checks, "gpu_count", lambda: 2)
+    monkeypatch.setattr(plan, "gpu_count", lambda: 2)
     assert make_plan([changed(smoke(tmp_path), device="cuda:1")], gpus_here=True).to_do
 
 

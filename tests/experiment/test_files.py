@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from src.experiment.files import EvaluationLog, TrainingLog, last_return, last_row
+from src.experiment.files import CsvLog, EvaluationLog, last_return, last_row
 from tests.experiment.runs import ROOT
 
 finite = st.floats(allow_nan=False, allow_infinity=False, allow_subnormal=False)  # training flushes them to 0
@@ -79,14 +79,14 @@ def test_one_write_per_evaluation(tmp_path, monkeypatch):
 
 def test_training_rows_keep_the_first_rows_columns(tmp_path):
     path = tmp_path / "training.csv"
-    TrainingLog(path).append({"step": 500, "critic_loss": None, "q1": 0.1})
-    log = TrainingLog(path)
-    log.append({"q1": 0.25, "step": 1000})
+    CsvLog(path).write({"step": 500, "critic_loss": None, "q1": 0.1})
+    log = CsvLog(path)
+    log.write({"q1": 0.25, "step": 1000})
     assert path.read_text() == "step,critic_loss,q1\n500,,0.1\n1000,,0.25\n"
     with pytest.raises(ValueError, match="no column q2"):
-        log.append({"step": 1500, "q2": 1.0})
+        log.write({"step": 1500, "q2": 1.0})
     with pytest.raises(ValueError, match="must be step"):
-        TrainingLog(tmp_path / "other.csv").append({"q1": 1.0})
+        CsvLog(tmp_path / "other.csv").write({"q1": 1.0})
 
 
 def test_readers_ignore_what_is_torn(tmp_path):

@@ -1,6 +1,6 @@
 """If these fail, logs are flooded, or the heartbeat that others trust stops."""
 
-import io
+import pytest
 
 from src.experiment import progress
 from src.experiment.ownership import acquire
@@ -11,27 +11,31 @@ class Clock:
     def __init__(self):
         self.now = 0.0
 
-    def __call__(self):
+    def monotonic(self):
         return self.now
 
 
-def test_plain_lines_come_now_and_then_and_at_the_end():
-    file, clock = io.StringIO(), Clock()
-    plain = progress.PlainProgress(1000, file, clock)
+@pytest.fixture
+def clock(monkeypatch):
+    monkeypatch.setattr(progress, "time", Clock())
+    return progress.time
+
+
+def test_plain_lines_come_now_and_then_and_at_the_end(clock, capsys):
+    plain = progress.PlainProgress(1000)
     for step in range(50, 1050, 50):
         clock.now += 5.0
         plain.update(step, None if step < 500 else 12.34, 10.0)
-    lines = file.getvalue().splitlines()
+    lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 5
     assert lines[0] == "step 50/1000  return -  10 steps/s  2 min left"
     assert lines[-1].startswith("step 1000/1000  return 12.3")
 
 
-def test_the_heartbeat_is_throttled_but_never_stops(tmp_path):
-    clock = Clock()
+def test_the_heartbeat_is_throttled_but_never_stops(tmp_path, clock):
     with acquire(smoke(tmp_path)) as (run, _):
         run.update_manifest(wall_time_seconds=100.0)
-        beat = progress.Heartbeat(run, progress.PlainProgress(1000, io.StringIO(), clock), clock)
+        beat = progress.Heartbeat(run, progress.PlainProgress(1000))
         seen = []
         for step in range(50, 1050, 50):
             clock.now += 5.0

@@ -10,7 +10,7 @@ import time
 import pytest
 
 from src.experiment.ownership import acquire
-from src.experiment.run_directory import Failure, ManifestError, read_manifest
+from src.experiment.run_directory import Failure, ManifestError, RunDirectory
 from tests.experiment.runs import ROOT, smoke
 
 
@@ -42,12 +42,12 @@ def test_reading_back_is_exact(tmp_path):
 
 
 def test_an_unreadable_manifest_says_what_to_do(tmp_path):
-    path = tmp_path / "manifest.json"
-    assert read_manifest(path) is None
+    directory = RunDirectory(tmp_path)
+    assert directory.read_manifest() is None
     for content in ("", "{", "[]", '{"format": 1}', '{"format": 99}'):
-        path.write_text(content)
+        (tmp_path / "manifest.json").write_text(content)
         with pytest.raises(ManifestError, match=r"manifest\.json"):
-            read_manifest(path)
+            directory.read_manifest()
 
 
 WRITER = """

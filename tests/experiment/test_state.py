@@ -230,7 +230,8 @@ def test_a_requeued_job_waits_until_the_other_machine_is_silent(tmp_path, monkey
         slept.append(seconds)
         monkeypatch.setattr(state, "FRESH_SECONDS", 0.0)
 
-    assert ownership.wait_for_stale_heartbeat(run, silent) and len(slept) == 1
+    monkeypatch.setattr(ownership.time, "sleep", silent)
+    assert ownership.wait_for_stale_heartbeat(run) and len(slept) == 1
 
 
 def test_a_requeued_job_leaves_a_run_whose_sign_of_life_moves(tmp_path, monkeypatch):
@@ -243,7 +244,8 @@ def test_a_requeued_job_leaves_a_run_whose_sign_of_life_moves(tmp_path, monkeypa
         content["updated"] = "2999-01-01T00:00:00Z"
         path.write_text(json.dumps(content))
 
-    assert not ownership.wait_for_stale_heartbeat(run, beat)
+    monkeypatch.setattr(ownership.time, "sleep", beat)
+    assert not ownership.wait_for_stale_heartbeat(run)
 
 
 def test_a_broken_manifest_is_refused_not_overwritten(tmp_path):

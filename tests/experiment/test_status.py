@@ -16,7 +16,7 @@ def study(tmp_path):
         with acquire(smoke(tmp_path, *overrides)) as (run, _):
             run.evaluations.append(0, [(1.0, 5)])
             run.evaluations.append(step, [(10.0, 5), (20.0, 5)])
-            run.training.append({"step": step, "steps_per_second": 50.0})
+            run.training.write({"step": step, "steps_per_second": 50.0})
             run.update_manifest(status=status, step=step, failure=failure)
 
     left("seed=0", status="complete", step=2000)
@@ -61,7 +61,7 @@ def test_a_live_run_is_running_and_its_time_left_is_told(study, tmp_path, capsys
 
 def test_a_complete_run_is_as_fast_as_it_was_over_all(study, tmp_path):
     with acquire(smoke(tmp_path, "seed=4")) as (run, _):
-        run.training.append({"step": 2000, "steps_per_second": 50.0})
+        run.training.write({"step": 2000, "steps_per_second": 50.0})
         run.update_manifest(status="complete", step=2000, wall_time_seconds=16.0)
     assert {one.seed: one.steps_per_second for one in status.read_study(study)[1].runs} == {
         0: 50.0,

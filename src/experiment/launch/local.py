@@ -14,15 +14,17 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
-from typing import Annotated, Any
+from contextlib import suppress
+from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict
 from rich.console import Console
 
+from src.config.identity import Run
+from src.config.schema import Positive, PositiveFloat
 from src.experiment.display import SweepDisplay
 from src.experiment.machine import usable_cores
 from src.experiment.ownership import record_death
-from src.experiment.plan import PlannedRun
 from src.experiment.process import thread_environment
 from src.experiment.run_directory import RunState
 from src.experiment.state import ExitCode, RunResult, result_of
@@ -36,18 +38,18 @@ class LocalSettings(BaseModel):
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
-    n_jobs: Annotated[int, Field(ge=1)] | None
-    grace_seconds: Annotated[float, Field(gt=0)]
-    hang_minutes: Annotated[float, Field(gt=0)] | None
+    n_jobs: Positive | None
+    grace_seconds: PositiveFloat
+    hang_minutes: PositiveFloat | None
 
     def jobs_at_once(self, threads: int) -> int:
         """``n_jobs``, by default as many as the usable cores hold."""
         return self.n_jobs or max(1, usable_cores() // threads)
 
 
-def run_locally(settings: LocalSettings, runs: Sequence[PlannedRun]) -> list[RunResult]:
-    """Train planned runs, each in a process of its own."""
-    threads = max((each.run.config.threads for each in runs), default=1)
+def run_locally(settings: LocalSettings, runs: Sequence[Run]) -> list[RunResult]:
+    """Train runs, each in a process of its own."""
+    threads = max((run.config.threads for run in runs), default=1)
     with SweepDisplay(Console(), len(runs)) as display:
         return Pool(settings, settings.jobs_at_once(threads), display).run(runs)
 
@@ -55,31 +57,30 @@ def run_locally(settings: LocalSettings, runs: Sequence[PlannedRun]) -> list[Run
 class Job:
     """One running process and its run."""
 
-    def __init__(self, planned: PlannedRun) -> None:
-        self.planned = planned
+    def __init__(self, run: Run) -> None:
+        self.run = run
         self.started = time.monotonic()
+        self.hung = False
         self._sign: tuple[float, object] = (self.started, None)
-        planned.directory.state.mkdir(parents=True, exist_ok=True)
-        with (planned.directory.state / "log.txt").open("ab") as log:
+        self.log = run.path / "state" / "log.txt"
+        self.log.parent.mkdir(parents=True, exist_ok=True)
+        with self.log.open("ab") as log:
             self.process = subprocess.Popen(
                 [sys.executable, "-m", "src.experiment.worker", "--parent", str(os.getpid())],
                 stdin=subprocess.PIPE,
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 cwd=ROOT,
-                env={**os.environ, **thread_environment(planned.run.config.threads), "PYTHONUNBUFFERED": "1"},
+                env={**os.environ, **thread_environment(run.config.threads), "PYTHONUNBUFFERED": "1"},
                 start_new_session=True,
             )
         assert self.process.stdin is not None
-        try:
-            with self.process.stdin as pipe:
-                pipe.write(json.dumps(planned.run.to_dict()).encode())
-        except BrokenPipeError:
-            pass  # it is dead already; its exit code tells
+        with suppress(BrokenPipeError), self.process.stdin as pipe:  # it may be dead already; its exit code tells
+            pipe.write(json.dumps(run.to_dict()).encode())
 
     def silent_seconds(self) -> float:
         """Since when the manifest's heartbeat has not moved, on a clock that stops while the machine sleeps."""
-        path = self.planned.run.path / "manifest.json"
+        path = self.run.path / "manifest.json"
         try:
             sign: object = path.stat().st_mtime_ns
         except OSError:
@@ -100,9 +101,8 @@ class Pool:
         self._interrupts = 0
         self._deadline = float("inf")
         self._jobs: list[Job] = []
-        self._hung: set[int] = set()
 
-    def run(self, runs: Sequence[PlannedRun]) -> list[RunResult]:
+    def run(self, runs: Sequence[Run]) -> list[RunResult]:
         """Start them in order, wait for all."""
         waiting = list(runs)
         results: list[RunResult] = []
@@ -115,7 +115,7 @@ class Pool:
                     self._jobs.remove(job)
                     results.append(self._end(job))
                 self._watch()
-                self._display.show([job.planned for job in self._jobs], len(waiting))
+                self._display.show([job.run for job in self._jobs], len(waiting))
                 time.sleep(_POLL_SECONDS)
         finally:
             for job in self._jobs:
@@ -123,58 +123,49 @@ class Pool:
                 job.process.wait()
             for number, handler in before.items():
                 signal.signal(number, handler)
-        return results + [RunResult(each.name, RunState.NOT_STARTED, "", each.run.path) for each in waiting]
+        return results + [RunResult(run, RunState.NOT_STARTED) for run in waiting]
 
-    def _start(self, planned: PlannedRun, results: list[RunResult]) -> None:
+    def _start(self, run: Run, results: list[RunResult]) -> None:
         try:
-            job = Job(planned)
+            job = Job(run)
         except OSError as error:
-            why = f"could not be started: {error}"
-            results.append(RunResult(planned.name, RunState.FAILED, why, planned.run.path))
+            results.append(RunResult(run, RunState.FAILED, f"could not be started: {error}"))
             self._display.ended(results[-1], 0.0)
             return
         self._jobs.append(job)
-        self._display.started(planned)
+        self._display.started(run)
         if self._interrupts:  # while it was being started
             job.process.terminate()
 
     def _end(self, job: Job) -> RunResult:
         code = job.process.returncode
         killed = self._cause_of_death(job, code)
-        run = job.planned.run
         if killed is not None:
-            record_death(run, killed)
-        result = result_of(run, killed)
+            record_death(job.run, killed)
+        result = result_of(job.run, killed)
         if code < 0 and killed is None and result.state == RunState.NOT_FINISHED:  # by our signal, too early to record
             result = result._replace(state=RunState.INTERRUPTED, why="")
         if code == ExitCode.BUSY:
             result = result._replace(state=RunState.BUSY, why="another launcher's process holds it")
         elif code == ExitCode.REFUSED:
-            log = job.planned.directory.state / "log.txt"
-            result = result._replace(state=RunState.FAILED, why="refused at the start", read=log)
+            result = result._replace(state=RunState.FAILED, why="refused at the start", read=job.log)
         self._display.ended(result, time.monotonic() - job.started)
         return result
 
     def _cause_of_death(self, job: Job, code: int) -> str | None:
         """None where the job itself has recorded how it ended."""
-        if job.process.pid in self._hung:
+        if job.hung:
             return "hung: no sign of life, killed by the launcher"
-        if code >= 0:
+        if code >= 0 or self._interrupts:  # a signal of ours: the run resumes from its last checkpoint
             return None
-        if self._interrupts:
-            return None  # ours; the run resumes from its last checkpoint
         name = signal.Signals(-code).name
         return f"killed by {name}" + (" (out of memory?)" if -code == signal.SIGKILL else "")
 
     def _watch(self) -> None:
-        if self._interrupts and (time.monotonic() > self._deadline or self._interrupts > 1):
-            for job in self._jobs:
-                job.process.kill()
-        if self._hang_seconds is None:
-            return
+        overdue = self._interrupts and (time.monotonic() > self._deadline or self._interrupts > 1)
         for job in self._jobs:
-            if job.silent_seconds() > self._hang_seconds:
-                self._hung.add(job.process.pid)
+            job.hung = self._hang_seconds is not None and job.silent_seconds() > self._hang_seconds
+            if overdue or job.hung:
                 job.process.kill()
 
     def _on_signal(self, number: int, _frame: Any) -> None:

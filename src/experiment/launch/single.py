@@ -12,10 +12,8 @@ from rich.console import Console
 from src.config import ConfigurationError
 from src.config.compose import compose_run
 from src.config.identity import Run
-from src.experiment.checks import check_writable
-from src.experiment.display import show_plan
+from src.experiment.display import announced
 from src.experiment.files import last_return
-from src.experiment.plan import make_plan
 from src.experiment.progress import PlainProgress, display, number, say
 from src.experiment.run_directory import RunState
 from src.experiment.state import ExitCode, Next, Outcome
@@ -41,12 +39,10 @@ def run_composed(composed: DictConfig) -> str:
 
 
 def _alone(run: Run) -> str:
-    plan = make_plan([run], gpus_here=True)
     console = Console()
-    show_plan(plan, console, 1, with_cost=run.config.dry_run)
-    if run.config.dry_run:
+    plan = announced([run], console, 1, trains_here=True)
+    if plan is None:
         return "planned"
-    check_writable(run.config)
     if plan.having(Next.BUSY):
         sys.exit(ExitCode.INTERRUPTED)
     if not plan.to_do:
@@ -74,7 +70,7 @@ def _report(run: Run, outcome: Outcome, console: Console) -> None:
 
 def _one_of_many(run: Run) -> str:
     if run.config.dry_run:  # under Hydra's own sweepers
-        show_plan(make_plan([run]), Console(), 1, with_cost=True)
+        announced([run], Console(), 1)
         return "planned"
     outcome = execute(run, PlainProgress(run.config.protocol.total_steps))
     if outcome.status == RunState.BUSY:

@@ -24,27 +24,26 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from rich.console import Console
 
 from src.config import ConfigurationError
+from src.config.identity import Run
+from src.config.schema import Positive, PositiveFloat
 from src.experiment.display import SweepDisplay
 from src.experiment.launch.slurm_queue import (
     DEFAULT_ARRAY_LIMIT,
     QueueError,
     Watch,
+    array_ids,
     array_limit,
     job_states,
     last_jobs,
     left_in_slurm,
     remember_jobs,
 )
-from src.experiment.plan import PlannedRun
 from src.experiment.process import thread_environment
 from src.experiment.run_directory import RunState
 from src.experiment.state import RunResult
 from src.paths import ROOT, repository_path
 
-_NAMED = 3
-Jobs = dict[str, PlannedRun]
-Count = Annotated[int, Field(ge=1)]
-Amount = Annotated[float, Field(gt=0)]
+Jobs = dict[str, Run]
 
 
 class SlurmSettings(BaseModel):
@@ -54,16 +53,16 @@ class SlurmSettings(BaseModel):
 
     partition: str | None
     account: str | None
-    timeout_min: Count
+    timeout_min: Positive
     max_num_timeout: Annotated[int, Field(ge=0)]
-    signal_delay_s: Count
-    mem_gb: Amount
-    cpus_per_task: Count | None
-    array_parallelism: Count | None
+    signal_delay_s: Positive
+    mem_gb: PositiveFloat
+    cpus_per_task: Positive | None
+    array_parallelism: Positive | None
     setup: list[str] | None
     additional_parameters: dict[str, Any] | None
     wait: bool
-    poll_seconds: Amount
+    poll_seconds: PositiveFloat
     submitit_folder: str
 
     @model_validator(mode="after")
@@ -82,7 +81,7 @@ class SlurmSettings(BaseModel):
         return self.array_parallelism or DEFAULT_ARRAY_LIMIT
 
 
-def run_in_slurm(settings: SlurmSettings, runs: Sequence[PlannedRun]) -> list[RunResult]:
+def run_in_slurm(settings: SlurmSettings, runs: Sequence[Run]) -> list[RunResult]:
     """Submit what is not in the queue already, and wait.
 
     Raises:
@@ -93,21 +92,21 @@ def run_in_slurm(settings: SlurmSettings, runs: Sequence[PlannedRun]) -> list[Ru
     _check_machine()
     queued, new = _split(settings, runs)
     submitted: Jobs = {}
-    refused: list[tuple[PlannedRun, str]] = []
+    refused: list[tuple[Run, str]] = []
     if new:
-        submitted, refused = submit(new, settings, array_limit())
+        submitted, refused = submit(new, settings)
         if not submitted:
             raise ConfigurationError(f"Slurm took no job: {refused[0][1]}")
     with SweepDisplay(Console(), len(runs)) as display:
         for jobs, what in ((submitted, "submitted"), (queued, "in Slurm's queue already")):
             if jobs:
-                display.note(f"{len(jobs)} runs {what}: job {', '.join(_arrays(jobs))}")
-        watched = Watch(submitted, settings.folder, settings.poll_seconds, display).run() if settings.wait else None
-    results = left_in_slurm(submitted) if watched is None else watched
+                display.note(f"{len(jobs)} runs {what}: job {', '.join(array_ids(jobs))}")
+        if settings.wait:
+            results = Watch(submitted, settings.folder, settings.poll_seconds, display).run()
+        else:
+            results = left_in_slurm(submitted)
     results += left_in_slurm(queued)
-    for each, why in refused:
-        results.append(RunResult(each.name, RunState.NOT_FINISHED, f"not submitted: {why}", each.run.path))
-    return results
+    return results + [RunResult(run, RunState.NOT_FINISHED, f"not submitted: {why}") for run, why in refused]
 
 
 def _check_machine() -> None:
@@ -118,32 +117,24 @@ def _check_machine() -> None:
         raise ConfigurationError(f"{missing[0]} isn't here: run this command on a login node of a Slurm cluster.")
 
 
-def _split(settings: SlurmSettings, runs: Sequence[PlannedRun]) -> tuple[Jobs, list[PlannedRun]]:
+def _split(settings: SlurmSettings, runs: Sequence[Run]) -> tuple[Jobs, list[Run]]:
     """Runs that an earlier command's live jobs are at, by job, and the others."""
     try:
         states = job_states()
     except QueueError as error:
         raise ConfigurationError(f"Slurm doesn't answer: {error}") from None
     queued: Jobs = {}
-    new: list[PlannedRun] = []
-    for each, job in zip(runs, last_jobs(settings.folder, [each.run for each in runs])):
+    new: list[Run] = []
+    for run, job in zip(runs, last_jobs(settings.folder, runs)):
         state = states.get(job or "")
-        if job is not None and state is not None and not state.over and state.name == each.run.config.study:
-            queued[job] = each
+        if job is not None and state is not None and not state.over and state.name == run.config.study:
+            queued[job] = run
         else:
-            new.append(each)
+            new.append(run)
     return queued, new
 
 
-def _arrays(jobs: Jobs) -> list[str]:
-    """``12, 13, 14 and 2 more``."""
-    arrays = list(dict.fromkeys(job.partition("_")[0] for job in jobs))
-    return arrays[:_NAMED] + ([f"and {len(arrays) - _NAMED} more"] if len(arrays) > _NAMED else [])
-
-
-def submit(
-    runs: Sequence[PlannedRun], settings: SlurmSettings, array_limit: int
-) -> tuple[Jobs, list[tuple[PlannedRun, str]]]:
+def submit(runs: Sequence[Run], settings: SlurmSettings) -> tuple[Jobs, list[tuple[Run, str]]]:
     """Submit every run.
 
     Returns:
@@ -158,27 +149,28 @@ def submit(
     folder.mkdir(parents=True, exist_ok=True)
     settings = _with_cores(settings, runs)
     task = Task(grace_seconds=max(1, settings.signal_delay_s // 2))
-    chunks = [runs[start : start + array_limit] for start in range(0, len(runs), array_limit)]
+    size = array_limit()
+    chunks = [runs[start : start + size] for start in range(0, len(runs), size)]
     limit = settings.array_parallelism
     submitted: Jobs = {}
-    refused: list[tuple[PlannedRun, str]] = []
+    refused: list[tuple[Run, str]] = []
     for chunk, at_once in zip(chunks, shares(limit, len(chunks)) if limit else map(len, chunks)):
         executor = SlurmExecutor(folder, max_num_timeout=settings.max_num_timeout)
-        first = chunk[0].run.config
+        first = chunk[0].config
         executor.update_parameters(**sbatch_parameters(settings, first.study, first.threads, at_once))
         try:
-            jobs = executor.map_array(task, [each.run.to_dict() for each in chunk])
+            jobs = executor.map_array(task, [run.to_dict() for run in chunk])
         except (FailedJobError, FailedSubmissionError) as error:
-            refused += [(each, _what_slurm_says(error)) for each in chunk]
+            refused += [(run, _what_slurm_says(error)) for run in chunk]
             continue
-        new = {job.job_id: each for job, each in zip(jobs, chunk)}
-        remember_jobs(folder, {job: each.run for job, each in new.items()})
+        new = {job.job_id: run for job, run in zip(jobs, chunk)}
+        remember_jobs(folder, new)
         submitted |= new
     return submitted, refused
 
 
-def _with_cores(settings: SlurmSettings, runs: Sequence[PlannedRun]) -> SlurmSettings:
-    threads = max(each.run.config.threads for each in runs)
+def _with_cores(settings: SlurmSettings, runs: Sequence[Run]) -> SlurmSettings:
+    threads = max(run.config.threads for run in runs)
     cores = settings.cpus_per_task or threads
     if cores < threads:
         raise ConfigurationError(f"hydra.launcher.cpus_per_task: {cores} cores can't hold threads={threads}.")

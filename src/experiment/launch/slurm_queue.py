@@ -11,14 +11,13 @@ import re
 import subprocess
 import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from src.config.identity import Run
 from src.experiment.display import SweepDisplay
 from src.experiment.ownership import record_death
-from src.experiment.plan import PlannedRun
 from src.experiment.run_directory import ManifestError, RunDirectory, RunState
 from src.experiment.state import RunResult, result_of
 
@@ -84,6 +83,11 @@ def job_states() -> dict[str, JobState]:
     return states
 
 
+def array_ids(jobs: Iterable[str]) -> list[str]:
+    """The arrays that jobs belong to: ``["12", "13"]``."""
+    return list(dict.fromkeys(job.partition("_")[0] for job in jobs))
+
+
 def array_limit() -> int:
     """How many tasks one array may have."""
     try:
@@ -138,11 +142,8 @@ def _is_ours(run: Run) -> bool:
 def remember_jobs(folder: Path, jobs: Mapping[str, Run]) -> None:
     """Append one line per job to a log beside submitit's files, all of them in one write."""
     lines = [json.dumps({"job": job, "run": _relative(folder, run)}) + "\n" for job, run in jobs.items()]
-    handle = os.open(folder / _JOBS_FILE, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
-    try:
-        os.write(handle, "".join(lines).encode())
-    finally:
-        os.close(handle)
+    with (folder / _JOBS_FILE).open("ab", buffering=0) as file:  # one write: another command may append too
+        file.write("".join(lines).encode())
 
 
 def last_jobs(folder: Path, runs: Sequence[Run]) -> list[str | None]:
@@ -166,9 +167,7 @@ def _relative(folder: Path, run: Run) -> str:
 class Watch:
     """Follows jobs until the last is over; ``run`` returns how each run ended."""
 
-    def __init__(
-        self, jobs: Mapping[str, PlannedRun], folder: Path, poll_seconds: float, display: SweepDisplay
-    ) -> None:
+    def __init__(self, jobs: Mapping[str, Run], folder: Path, poll_seconds: float, display: SweepDisplay) -> None:
         self._jobs = dict(jobs)
         self._folder = folder
         self._poll_seconds = poll_seconds
@@ -188,7 +187,7 @@ class Watch:
         except KeyboardInterrupt:
             self._display.note(
                 "the jobs go on in Slurm, and the same command again looks after them; "
-                f"`scancel {' '.join(sorted({job.partition('_')[0] for job in self._jobs}))}` would cancel them"
+                f"`scancel {' '.join(array_ids(self._jobs))}` would cancel them"
             )
         return results + left_in_slurm(self._jobs)
 
@@ -205,7 +204,7 @@ class Watch:
         results = []
         for job, state in now.items():
             if self._is_over(job, state):
-                result = result_in_slurm(self._jobs.pop(job).run, job, state, self._folder)
+                result = result_in_slurm(self._jobs.pop(job), job, state, self._folder)
                 self._display.ended(result, time.monotonic() - self._began)
                 results.append(result)
         self._report(now)
@@ -217,7 +216,7 @@ class Watch:
             self._seen_over.pop(job, None)
             return False
         if self._seen_over.get(job) == state.state:
-            list(self._jobs[job].run.path.parent.glob("*"))  # has a network file system look again
+            list(self._jobs[job].path.parent.glob("*"))  # has a network file system look again
             return True
         self._seen_over[job] = state.state
         return False
@@ -236,9 +235,6 @@ class Watch:
             self._display.note(text)
 
 
-def left_in_slurm(jobs: Mapping[str, PlannedRun]) -> list[RunResult]:
+def left_in_slurm(jobs: Mapping[str, Run]) -> list[RunResult]:
     """Runs whose jobs go on without us."""
-    return [
-        RunResult(each.name, RunState.BUSY, f"in Slurm's hands as job {job}", each.run.path)
-        for job, each in jobs.items()
-    ]
+    return [RunResult(run, RunState.BUSY, f"in Slurm's hands as job {job}") for job, run in jobs.items()]

@@ -66,7 +66,7 @@ def train(config, run, progress, stop_requested):
             return Outcome("diverged", step, f"critic_loss is not finite at step {step}")
         step += 500
         run.evaluations.append(step, [(float(step) / 3, 7), (1.0, 8)])
-        run.training.append({"step": step, "critic_loss": None, "steps_per_second": 100.0})
+        run.training.write({"step": step, "critic_loss": None, "steps_per_second": 100.0})
         checkpoint.write_text(str(step))
         (run.state / "checkpoint-1.pt").touch()
         (run.state / "replay.bin").touch()

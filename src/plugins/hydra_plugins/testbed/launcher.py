@@ -14,17 +14,17 @@ from rich.console import Console
 
 from src.config import ConfigurationError
 from src.config.compose import compose_run
+from src.config.identity import Run
 from src.config.validation import sentence
-from src.experiment.display import show_plan
+from src.experiment.display import announced
 from src.experiment.launch.local import LocalSettings, run_locally
 from src.experiment.launch.slurm import SlurmSettings, run_in_slurm
-from src.experiment.plan import PlannedRun, make_plan
 from src.experiment.run_directory import RunState
 from src.experiment.state import RunResult
 
 
 class RunLauncher(Launcher):
-    """A launcher that takes planned runs, not command lines; ``run`` trains them, as ``settings_type`` says."""
+    """A launcher that takes runs, not command lines; ``run`` trains them, as ``settings_type`` says."""
 
     settings_type: type[LocalSettings] | type[SlurmSettings]
     run: Callable[..., list[RunResult]]
@@ -54,26 +54,23 @@ class RunLauncher(Launcher):
             return f"hydra.launcher.{error['loc'][0]}: there is no such key{self.hint}."
         return sentence(error, "hydra.launcher.")
 
-    def train(self, runs: Sequence[PlannedRun]) -> list[RunResult]:
-        """Train planned runs and return how each ended."""
+    def train(self, runs: Sequence[Run]) -> list[RunResult]:
+        """Train runs and return how each ended."""
         return self.run(self.settings, runs)
 
     def launch(self, job_overrides: Sequence[Sequence[str]], initial_job_idx: int) -> Sequence[JobReturn]:
         """Hydra's own call, for other sweepers than ours."""
         runs = [compose_run(self._loader.load_sweep_config(self._config, list(each))) for each in job_overrides]
-        plan = make_plan(runs, gpus_here=self.trains_here)
-        dry = any(run.config.dry_run for run in runs)
-        if dry:
-            show_plan(plan, Console(), 1, with_cost=True)
-        results = {} if dry else {result.name: result for result in self.train(plan.to_do)}
+        plan = announced(runs, Console(), 1, self.trains_here)
+        results = {each.run.name: each for each in self.train([each.run for each in plan.to_do])} if plan else {}
         returns = []
         for overrides, run in zip(job_overrides, runs):
             result = results.get(run.name)
             answer = JobReturn(overrides=overrides, status=JobStatus.COMPLETED)
-            answer.return_value = "planned" if dry else "complete"
+            answer.return_value = "complete" if plan else "planned"
             if result is not None and result.state != RunState.COMPLETE:
                 answer.status = JobStatus.FAILED
-                answer.return_value = RuntimeError(f"{result.name}: {result.state} {result.why}")
+                answer.return_value = RuntimeError(f"{run.name}: {result.state} {result.why}")
             returns.append(answer)
         return returns
 

@@ -20,9 +20,7 @@ from src.config import ConfigurationError
 from src.config.command_line import check_sweep
 from src.config.compose import compose_run
 from src.config.identity import Run
-from src.experiment.checks import check_writable
-from src.experiment.display import show_plan, show_summary
-from src.experiment.plan import Plan, make_plan
+from src.experiment.display import announced, show_summary
 from src.experiment.state import Next, result_of
 
 
@@ -38,22 +36,20 @@ class GridSweeper(BasicSweeper):
         """
         jobs, runs = self._compose(arguments)
         run_launcher = self.launcher if isinstance(self.launcher, RunLauncher) else None
-        trains_here = run_launcher.trains_here if run_launcher else type(self.launcher).__name__ == "BasicLauncher"
-        plan = make_plan(runs, gpus_here=trains_here)
-        dry = any(run.config.dry_run for run in runs)
-        at_once = len(plan.to_do)
+        trains_here, at_once = type(self.launcher).__name__ == "BasicLauncher", len(runs)
         if run_launcher:
-            at_once = min(at_once, run_launcher.settings.jobs_at_once(max(run.config.threads for run in runs)))
+            trains_here = run_launcher.trains_here
+            at_once = run_launcher.settings.jobs_at_once(max(run.config.threads for run in runs))
         console = Console()
-        show_plan(plan, console, max(at_once, 1), with_cost=dry)
-        if dry:
+        plan = announced(runs, console, at_once, trains_here)
+        if plan is None:
             return
-        check_writable(runs[0].config)
+        to_do = [each.run for each in plan.to_do]
         if run_launcher:
-            results = run_launcher.train(plan.to_do)
+            results = run_launcher.train(to_do)
         else:
-            self._launch_elsewhere(plan, jobs)
-            results = [result_of(each.run) for each in plan.to_do]
+            self._launch_elsewhere([job for job, run in zip(jobs, runs) if run in to_do])
+            results = [result_of(run) for run in to_do]
         if code := show_summary(results, len(plan.having(Next.BUSY)), console):
             sys.exit(code)
 
@@ -93,13 +89,12 @@ class GridSweeper(BasicSweeper):
             raise ConfigurationError("\n".join(f"{mistake} (in the run {run})" for mistake, run in mistakes.items()))
         return kept, runs
 
-    def _launch_elsewhere(self, plan: Plan, jobs: Sequence[Sequence[str]]) -> None:
-        """Hand the runs to do to another launcher of Hydra's; an error of one batch doesn't end the sweep."""
+    def _launch_elsewhere(self, jobs: Sequence[Sequence[str]]) -> None:
+        """Hand jobs to another launcher of Hydra's; an error of one batch doesn't end the sweep."""
         assert self.launcher is not None
-        needed = [job for job, planned in zip(jobs, plan.runs) if planned in plan.to_do]
-        size = self.max_batch_size or max(len(needed), 1)
-        for start in range(0, len(needed), size):
+        size = self.max_batch_size or max(len(jobs), 1)
+        for start in range(0, len(jobs), size):
             try:
-                self.launcher.launch(needed[start : start + size], initial_job_idx=start)
+                self.launcher.launch(jobs[start : start + size], initial_job_idx=start)
             except Exception as error:
                 print(f"the launcher says: {type(error).__name__}: {error}", file=sys.stderr)
