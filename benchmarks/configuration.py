@@ -6,8 +6,9 @@ from typing import Any
 
 from omegaconf import OmegaConf
 
-from src.config import ExperimentConfig, validate
 from src.config.compose import composed_from
+from src.config.schema import ExperimentConfig
+from src.config.validation import validate
 
 
 def compose(*overrides: str, **choices: str) -> ExperimentConfig:

@@ -22,7 +22,7 @@ import torch
 from numba import int64, void
 from torch import Tensor
 
-from src.config import ExperimentConfig, SACConfig, SpikingActorConfig
+from src.config.schema import ExperimentConfig, SACConfig, SpikingActorConfig
 from src.engine import blas
 from src.engine.jit import kernel
 from src.engine.primitives import multiply

@@ -17,8 +17,8 @@ from benchmarks.configuration import compose
 from benchmarks.our_loop import Silent
 from benchmarks.process_memory import watch
 from benchmarks.topic import Row, Topic
-from src.config import ExperimentConfig
 from src.config.identity import Run
+from src.config.schema import ExperimentConfig
 from src.experiment.ownership import acquire
 from src.experiment.run_directory import REPLAY_FILE
 from src.paths import ROOT

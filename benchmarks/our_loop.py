@@ -8,8 +8,8 @@ from unittest.mock import patch
 
 from benchmarks.relay import Turns
 from benchmarks.stepwise import StepwiseSpikingActor
-from src.config import EnvConfig, ExperimentConfig
 from src.config.identity import Run
+from src.config.schema import EnvConfig, ExperimentConfig
 from src.experiment.ownership import acquire
 from src.training.evaluation import Evaluator
 from src.training.session import TrainingSession

@@ -17,7 +17,7 @@ from benchmarks.configuration import compose
 from benchmarks.relay import Window
 from benchmarks.spread import Spread
 from benchmarks.topic import Row
-from src.config import EnvConfig, ExperimentConfig
+from src.config.schema import EnvConfig, ExperimentConfig
 
 #: Of protocol=short.
 EVALUATION_INTERVAL, CHECKPOINT_INTERVAL = 5_000, 10_000

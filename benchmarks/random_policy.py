@@ -19,7 +19,7 @@ import numpy as np
 import yaml
 
 from benchmarks.configuration import compose
-from src.config import EnvConfig
+from src.config.schema import EnvConfig
 
 CONF = Path(__file__).resolve().parents[1] / "conf" / "env"
 

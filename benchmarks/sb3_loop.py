@@ -10,7 +10,7 @@ import numpy as np
 import torch
 
 from benchmarks.relay import Turns
-from src.config import EnvConfig, ExperimentConfig, SACConfig, TD3Config
+from src.config.schema import EnvConfig, ExperimentConfig, SACConfig, TD3Config
 from src.training.gym_task import make_gym
 
 MISSING = (

@@ -15,7 +15,7 @@ import numpy as np
 import yaml
 
 from benchmarks.configuration import compose
-from src.config import to_dict
+from src.config.validation import to_dict
 
 CONF = Path(__file__).resolve().parents[1] / "conf"
 SIZES = {"hopper": (11, 3), "walker2d": (17, 6), "halfcheetah": (17, 6), "ant": (111, 8)}

@@ -18,7 +18,7 @@ from torchrl.objectives import SoftUpdate, TD3Loss
 from torchrl.record.loggers.csv import CSVLogger
 
 from benchmarks.relay import Turns
-from src.config import EnvConfig, ExperimentConfig, TD3Config
+from src.config.schema import EnvConfig, ExperimentConfig, TD3Config
 from src.training.gym_task import make_gym
 
 

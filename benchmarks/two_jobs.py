@@ -24,7 +24,7 @@ from benchmarks.relay import Racer, Turns
 from benchmarks.spread import Spread
 from benchmarks.topic import Row, Topic
 from benchmarks.update import SIZES
-from src.config import ExperimentConfig
+from src.config.schema import ExperimentConfig
 from src.paths import ROOT
 
 GOAL = 1.85

@@ -18,7 +18,7 @@ from benchmarks.spread import Spread
 from benchmarks.topic import Row, Topic, console
 from src.algorithms.build import build_learner
 from src.algorithms.learner import Batch
-from src.config import ExperimentConfig
+from src.config.schema import ExperimentConfig
 from src.streams import Streams
 from src.training.numerics import set_numerics
 

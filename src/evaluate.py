@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from src.config import ConfigurationError
+from src.config.schema import ConfigurationError
 from src.experiment import process
 from src.paths import repository_path, shown_path
 from src.policies.find import BEST, FINAL, policy_path

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from src.config import ConfigurationError
+from src.config.schema import ConfigurationError
 from src.experiment import process
 from src.paths import repository_path, shown_path
 from src.policies.find import BEST, FINAL, policy_path

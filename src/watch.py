@@ -13,7 +13,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from src.config import ConfigurationError
+from src.config.schema import ConfigurationError
 from src.experiment import process
 from src.experiment.run_directory import WATCH_FOLDER
 from src.paths import repository_path, shown_path

@@ -9,8 +9,9 @@ from typing import Any
 
 from omegaconf import OmegaConf
 
-from src.config import ExperimentConfig, validate
 from src.config.compose import composed_from
+from src.config.schema import ExperimentConfig
+from src.config.validation import validate
 
 ROOT = Path(__file__).resolve().parents[1]
 CONF = ROOT / "conf"

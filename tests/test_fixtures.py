@@ -17,8 +17,8 @@ import pytest
 import torch
 import yaml
 
-from src.config import validate
 from src.config.identity import Run
+from src.config.validation import validate
 from src.experiment.state import Next, next_action
 from src.training.policy_file import TrainedPolicy
 

@@ -12,7 +12,7 @@ from src.actors.mlp import MLPActor
 from src.actors.population_encoder import PopulationEncoder
 from src.actors.population_mlp_actor import PopulationMLPActor
 from src.actors.spiking_actor import SpikingActor
-from src.config import (
+from src.config.schema import (
     ConfigurationError,
     CustomActorConfig,
     ExperimentConfig,

@@ -18,7 +18,7 @@ import torch
 from torch import Tensor, nn
 
 from src.actors.initialisation import Initialiser
-from src.config import LateralConfig
+from src.config.schema import LateralConfig
 
 Connected = Literal["all", "no_self", "self_only"]
 

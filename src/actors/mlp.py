@@ -14,7 +14,7 @@ import torch
 from torch import Tensor, nn
 
 from src.actors.actor import Actor
-from src.config import MLPActorConfig
+from src.config.schema import MLPActorConfig
 from src.streams import Streams
 
 

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor, nn
 
 from src.actors.spike_coding import Coding, encode
-from src.config import EncoderConfig
+from src.config.schema import EncoderConfig
 
 #: The largest exponent whose exponential is no normal float32 number (1.2e-38). Such strengths are 0, in every
 #: precision: what they are wherever denormal numbers are flushed (:mod:`src.training.numerics`).

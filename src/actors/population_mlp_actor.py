@@ -13,7 +13,7 @@ from src.actors.decoder import PopulationDecoder
 from src.actors.initialisation import Initialiser
 from src.actors.mlp import EnsembleMLP
 from src.actors.population_encoder import PopulationEncoder
-from src.config import EncoderConfig, PopulationMLPActorConfig
+from src.config.schema import EncoderConfig, PopulationMLPActorConfig
 from src.streams import Streams
 
 

@@ -23,7 +23,7 @@ from src.actors.lateral import OutputLateral
 from src.actors.lif import LIFConstants
 from src.actors.population_encoder import PopulationEncoder
 from src.actors.spiking_layer import SpikingLayer
-from src.config import EncoderConfig, SpikingActorConfig
+from src.config.schema import EncoderConfig, SpikingActorConfig
 from src.streams import Streams
 
 

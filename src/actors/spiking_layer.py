@@ -15,7 +15,7 @@ from src.actors.initialisation import Initialiser
 from src.actors.lateral import LateralInteraction, OutputLateral
 from src.actors.lif import LIFConstants, LIFState, lif_step
 from src.actors.synapse import Synapse
-from src.config import DendriticConfig, LateralConfig
+from src.config.schema import DendriticConfig, LateralConfig
 
 State = TypeVar("State", LIFState, DNState)
 

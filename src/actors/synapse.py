@@ -16,7 +16,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from src.actors.initialisation import Initialiser
-from src.config import ConfigurationError, DendriticConfig
+from src.config.schema import ConfigurationError, DendriticConfig
 
 
 class Synapse(nn.Module):

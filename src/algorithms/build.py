@@ -16,7 +16,7 @@ from src.algorithms.networks import TwinCritic
 from src.algorithms.sac import SAC
 from src.algorithms.td3 import TD3
 from src.algorithms.td3_proxy import TD3Proxy
-from src.config import ConfigurationError, ExperimentConfig, TD3Config, TD3ProxyConfig
+from src.config.schema import ConfigurationError, ExperimentConfig, TD3Config, TD3ProxyConfig
 from src.streams import Streams
 
 

@@ -21,7 +21,7 @@ from src.algorithms.learner import Batch, Learner, UpdateStreams, adam, polyak_u
 from src.algorithms.metrics import BurstRecord
 from src.algorithms.networks import DeterministicPolicy, TwinCritic
 from src.algorithms.td3 import critic_loss
-from src.config import SACConfig
+from src.config.schema import SACConfig
 
 _HALF_LOG_2PI = 0.5 * math.log(2 * math.pi)
 _LOG_2 = math.log(2.0)

@@ -16,7 +16,7 @@ from src.actors.actor import Actor
 from src.algorithms.learner import Batch, Learner, UpdateStreams, adam, polyak_update
 from src.algorithms.metrics import BurstRecord
 from src.algorithms.networks import DeterministicPolicy, TwinCritic
-from src.config import TD3Config
+from src.config.schema import TD3Config
 
 
 def smoothed_target_action(action: Tensor, noise: Tensor, noise_clip: float, action_limit: float) -> Tensor:

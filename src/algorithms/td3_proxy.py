@@ -20,7 +20,7 @@ from src.algorithms.learner import Batch, UpdateStreams, adam, polyak_update
 from src.algorithms.metrics import BurstRecord
 from src.algorithms.networks import DeterministicPolicy, TwinCritic
 from src.algorithms.td3 import TD3
-from src.config import TD3ProxyConfig
+from src.config.schema import TD3ProxyConfig
 
 
 def proxy_loss(proxy_action: Tensor, action: Tensor) -> Tensor:

@@ -13,7 +13,7 @@ from hydra.core.override_parser.types import ChoiceSweep, Override, Sweep, Value
 from hydra.errors import HydraException
 from omegaconf.errors import OmegaConfBaseException
 
-from src.config import ConfigurationError
+from src.config.schema import ConfigurationError
 
 _NOT_A_NAME = "Config group override must be a string"
 
@@ -112,7 +112,8 @@ def _unknown_option(text: str) -> str | None:
     group, option = found.groups()
     options = re.findall(r"^\t(\S+)$", text.partition("Available options")[2], flags=re.MULTILINE)
     listed = f"there are {', '.join(options)}." if options else "`python -m src.run --help` lists the groups."
-    return f"{group}={option}: there is no such option{_closest(option, options)}; {listed}"
+    close = "".join(f" (did you mean {each}?)" for each in difflib.get_close_matches(option, options, n=1))
+    return f"{group}={option}: there is no such option{close}; {listed}"
 
 
 def _unknown_key(text: str) -> str | None:
@@ -138,8 +139,3 @@ def _needs_multirun(text: str) -> str | None:
         r"Ambiguous value for argument '([^']+)'", text
     )
     return f"{found.group(1)}: several values make a grid; add -m to the command." if found else None
-
-
-def _closest(option: str, options: Sequence[str]) -> str:
-    close = difflib.get_close_matches(option, options, n=1)
-    return f" (did you mean {close[0]}?)" if close else ""

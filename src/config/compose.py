@@ -15,10 +15,10 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from src.config import ConfigurationError, to_dict, validate
 from src.config.identity import Run, flatten, variant_label
 from src.config.rules import inert_keys
-from src.config.validation import parse
+from src.config.schema import ConfigurationError
+from src.config.validation import parse, to_dict, validate
 from src.paths import ROOT
 
 #: Groups whose options make a method or a task; a run that changes one of their keys is a variant.

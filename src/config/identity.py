@@ -17,7 +17,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from src.config import ENGINE, ExperimentConfig, to_dict, validate
+from src.config.schema import ENGINE, ExperimentConfig
+from src.config.validation import to_dict, validate
 from src.paths import repository_path
 
 _EXCLUDED = frozenset(

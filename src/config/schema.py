@@ -1,6 +1,6 @@
 """The configuration schema: every key, its range, its meaning and where its default comes from.
 
-The YAML files under ``conf/`` are what a user reads and edits; Hydra composes them; :func:`src.config.validate` turns
+The YAML files under ``conf/`` are what a user reads and edits; Hydra composes them; :mod:`src.config.validation` turns
 the composed configuration into these frozen dataclasses or says in one sentence what is wrong.
 
 A key that is added to this schema after runs have been trained takes a default here: the behaviour before it. Where it
@@ -28,6 +28,10 @@ UnitInterval = Annotated[float, Field(ge=0, le=1)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.,=+\[\]-]*$", max_length=200)]
 Coding = Literal["poisson", "deterministic", "analog", "none"]
 LayerSizes = Annotated[tuple[Positive, ...], Field(min_length=1)]
+
+
+class ConfigurationError(ValueError):
+    """A configuration that cannot be run. Its message is one or more sentences for the user."""
 
 
 @dataclass(frozen=True, config=_STRICT)

@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from src.config.rules import mistakes, resolved_coding
-from src.config.schema import ExperimentConfig
+from src.config.schema import ConfigurationError, ExperimentConfig
 
 _SCHEMA = TypeAdapter(ExperimentConfig)
 #: The tags of pydantic's unions, which are no part of a key.
@@ -24,13 +24,9 @@ _EXPECTED = {
     "string_type": "text (a number takes quotes: {key}=\"'{input}'\")",
     "string_too_long": "at most {max_length} characters",
     "int_type": "a whole number",
-    "int_parsing": "a whole number",
-    "int_from_float": "a whole number",
     "float_type": "a number",
-    "float_parsing": "a number",
     "finite_number": "a finite number",
     "bool_type": "true or false",
-    "bool_parsing": "true or false",
     "literal_error": "{expected}",
     "greater_than": "greater than {gt:g}",
     "greater_than_equal": "at least {ge:g}",
@@ -45,10 +41,6 @@ _EXPECTED = {
     "union_tag_invalid": "one of {expected_tags}",
     "none_required": "null",
 }
-
-
-class ConfigurationError(ValueError):
-    """A configuration that cannot be run. Its message is one or more sentences for the user."""
 
 
 def validate(composed: dict[str, Any]) -> ExperimentConfig:

@@ -13,7 +13,7 @@ from src.actors.decoder import MembraneReadout
 from src.actors.lif import LIFConstants
 from src.actors.mlp import MLPActor
 from src.actors.spiking_actor import SpikingActor
-from src.config import AlgoConfig, TD3ProxyConfig
+from src.config.schema import AlgoConfig, TD3ProxyConfig
 from src.engine import sac, td3
 from src.engine.flat import FlatParameters
 from src.engine.learner import bind

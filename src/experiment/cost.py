@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-from src.config import EnvConfig, ExperimentConfig
+from src.config.schema import EnvConfig, ExperimentConfig
 from src.experiment.run_directory import ManifestError, RunDirectory
 from src.paths import repository_path
 

@@ -18,8 +18,8 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-from src.config import ENGINE, ConfigurationError
 from src.config.identity import Run, differences
+from src.config.schema import ENGINE, ConfigurationError
 from src.experiment import machine
 from src.experiment.files import replace_file
 from src.experiment.run_directory import (

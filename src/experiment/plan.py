@@ -16,8 +16,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from src.config import ENGINE, ConfigurationError, EnvConfig, ExperimentConfig, to_dict
 from src.config.identity import Run, differences, flatten, hashed_values
+from src.config.schema import ENGINE, ConfigurationError, EnvConfig, ExperimentConfig
+from src.config.validation import to_dict
 from src.experiment.ownership import conflict_message
 from src.experiment.run_directory import ManifestError, RunDirectory
 from src.experiment.state import TO_DO, Next, NextAction, next_action
@@ -54,11 +55,7 @@ class Plan(NamedTuple):
 
 
 def make_plan(runs: Sequence[Run], gpus_here: bool = False) -> Plan:
-    """Decide for every run.
-
-    Args:
-        runs: the grid.
-        gpus_here: the runs will train on this machine, whose GPUs can be counted.
+    """Decide for every run of a grid; ``gpus_here``: it will train on this machine, whose GPUs can be counted.
 
     Raises:
         ConfigurationError: what can't be run here; two runs share a directory, or a directory holds another

@@ -12,9 +12,8 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from types import FrameType
 from typing import Any
 
 from src.experiment.state import ExitCode
@@ -45,37 +44,28 @@ def set_threads_before_torch(threads: int) -> None:
     os.environ.update(thread_environment(threads))
 
 
-class StopRequest:
-    """Callable that says whether a stop has been asked for."""
-
-    def __init__(self) -> None:
-        self._asked = False
-
-    def __call__(self) -> bool:
-        """Whether a stop has been asked for."""
-        return self._asked
-
-    def terminate(self, _number: int, _frame: FrameType | None) -> None:
-        """Handler of SIGTERM."""
-        self._asked = True
-
-    def interrupt(self, _number: int, _frame: FrameType | None) -> None:
-        """Handler of SIGINT."""
-        if self._asked:
-            raise KeyboardInterrupt
-        self._asked = True
-
-
 @contextmanager
-def stop_request() -> Iterator[StopRequest]:
-    """Install the handlers where nobody else has: submitit's own (SIGTERM ignored) are left alone.
+def stop_request() -> Iterator[Callable[[], bool]]:
+    """Whether a stop has been asked for, by signals whose handlers are installed where nobody else has.
 
-    A script's background job begins with SIGINT ignored; it stops with a checkpoint all the same.
+    Submitit's own (SIGTERM ignored) are left alone. A script's background job begins with SIGINT ignored; it stops
+    with a checkpoint all the same.
     """
-    request = StopRequest()
+    asked = False
+
+    def terminate(*_: object) -> None:
+        nonlocal asked
+        asked = True
+
+    def interrupt(*_: object) -> None:
+        nonlocal asked
+        if asked:
+            raise KeyboardInterrupt
+        asked = True
+
     wanted = {
-        signal.SIGTERM: ((signal.SIG_DFL,), request.terminate),
-        signal.SIGINT: ((signal.default_int_handler, signal.SIG_IGN), request.interrupt),
+        signal.SIGTERM: ((signal.SIG_DFL,), terminate),
+        signal.SIGINT: ((signal.default_int_handler, signal.SIG_IGN), interrupt),
     }
     before: dict[signal.Signals, Any] = {}
     if threading.current_thread() is threading.main_thread():
@@ -83,7 +73,7 @@ def stop_request() -> Iterator[StopRequest]:
             if signal.getsignal(number) in defaults:
                 before[number] = signal.signal(number, handler)
     try:
-        yield request
+        yield lambda: asked
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -16,8 +16,8 @@ import yaml
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
-from src.config import to_dict
 from src.config.identity import Run
+from src.config.validation import to_dict
 from src.experiment.files import CsvLog, EvaluationLog, replace_file
 
 #: In ``state/``: the replay, and the checkpoints, which must both be there for a complete run to be extended.

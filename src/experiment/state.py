@@ -9,8 +9,9 @@ from typing import NamedTuple
 
 from filelock import FileLock, Timeout
 
-from src.config import ENGINE, to_dict
 from src.config.identity import Run, differences, hashed_values
+from src.config.schema import ENGINE
+from src.config.validation import to_dict
 from src.experiment.machine import boot_token
 from src.experiment.run_directory import Manifest, ManifestError, RunDirectory, RunState, seconds_since
 
@@ -92,11 +93,9 @@ class RunInspection(NamedTuple):
 
 
 def inspect_run(path: Path, lock_is_ours: bool = False) -> RunInspection:
-    """Read a run directory, which may be written at the same time.
+    """Read a run directory, which may be written at the same time and need not exist.
 
-    Args:
-        path: the run directory; it need not exist.
-        lock_is_ours: the caller holds the lock, so nobody else is at it.
+    ``lock_is_ours``: the caller holds the lock, so nobody else is at it.
     """
     held = "held by a live process" if not lock_is_ours and held_here(path) else ""
     try:
@@ -145,12 +144,7 @@ def alive_elsewhere(path: Path, manifest: Manifest | None) -> bool:
 
 
 def next_action(run: Run, lock_is_ours: bool = False) -> NextAction:
-    """What to do with ``run``, given what its directory holds.
-
-    Args:
-        run: the run that is asked for.
-        lock_is_ours: the caller holds the lock, so nobody else is at it.
-    """
+    """What to do with ``run``, given what :func:`inspect_run` finds in its directory."""
     seen = inspect_run(run.path, lock_is_ours)
     manifest = seen.manifest
     if seen.held:
@@ -214,12 +208,7 @@ class RunResult(NamedTuple):
 
 
 def result_of(run: Run, cause_of_death: str | None = None) -> RunResult:
-    """How ``run`` stands now that its process is gone.
-
-    Args:
-        run: the run.
-        cause_of_death: what a launcher saw, where the manifest may not know.
-    """
+    """How ``run`` stands now that its process is gone; a launcher may have seen more than the manifest knows."""
     seen = inspect_run(run.path)
     log = run.path / "state" / "log.txt"
     failure = run.path / "failure.txt"

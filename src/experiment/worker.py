@@ -13,8 +13,8 @@ import traceback
 from collections.abc import Callable
 from contextlib import suppress
 
-from src.config import ConfigurationError
 from src.config.identity import Run
+from src.config.schema import ConfigurationError
 from src.experiment import process
 from src.experiment.ownership import BusyError, acquire, record_failure
 from src.experiment.progress import Heartbeat, PlainProgress, Progress
@@ -37,15 +37,9 @@ class RunFailedError(Exception):
 
 
 def execute(run: Run, progress: Progress, also_stop: Callable[[], bool] | None = None) -> Outcome:
-    """Train one run from wherever it stands.
+    """Train one run from wherever it stands; ``busy`` where a live process holds its directory.
 
-    Args:
-        run: the run.
-        progress: where a person watches.
-        also_stop: asked besides the signals of :mod:`src.experiment.process` whether to stop.
-
-    Returns:
-        How it ended; ``busy`` where a live process holds the run directory.
+    ``also_stop`` is asked besides the signals of :mod:`src.experiment.process` whether to stop.
 
     Raises:
         ConfigurationError: another configuration has used the run directory.
@@ -75,9 +69,7 @@ def _execute(run: Run, progress: Progress, also_stop: Callable[[], bool] | None)
 
             outcome = train(run.config, directory, heartbeat, stop_requested)
         except KeyboardInterrupt:
-            directory.update_manifest(
-                status=RunState.INTERRUPTED, step=heartbeat.step, wall_time_seconds=heartbeat.wall_time_seconds
-            )
+            _record(directory, heartbeat, Outcome(RunState.INTERRUPTED, heartbeat.step))
             raise
         except BaseException as error:
             _record_error(directory, heartbeat, error)

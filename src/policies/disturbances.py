@@ -19,7 +19,7 @@ from torch import Tensor
 from src.actors.actor import Actor
 from src.actors.lif import LIFConstants
 from src.actors.spiking_actor import SpikingActor
-from src.config import ConfigurationError
+from src.config.schema import ConfigurationError
 from src.policies.trace import is_perceptron, is_population_perceptron, is_spiking, weighted_layers
 from src.streams import Streams
 

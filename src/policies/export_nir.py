@@ -24,7 +24,7 @@ import torch
 from src.actors.decoder import MembraneReadout
 from src.actors.lif import LIFConstants
 from src.actors.spiking_actor import SpikingActor
-from src.config import ConfigurationError
+from src.config.schema import ConfigurationError
 from src.policies.trace import is_spiking
 from src.training.policy_file import TrainedPolicy
 

@@ -16,7 +16,7 @@ from torch import Tensor, nn
 
 from src.actors.spike_coding import deterministic_spikes
 from src.actors.spiking_actor import SpikingActor
-from src.config import ConfigurationError
+from src.config.schema import ConfigurationError
 from src.policies.trace import is_spiking
 from src.training.policy_file import TrainedPolicy
 

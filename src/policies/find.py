@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from src.config import ConfigurationError
+from src.config.schema import ConfigurationError
 from src.experiment.run_directory import BEST_POLICY_FILE, POLICY_FILE
 
 FINAL = "final"

@@ -13,7 +13,7 @@ import gymnasium
 
 from src.actors.build import build_actor
 from src.algorithms.networks import DeterministicPolicy
-from src.config import ConfigurationError, SpikingActorConfig
+from src.config.schema import ConfigurationError, SpikingActorConfig
 from src.experiment.files import replace_file
 from src.experiment.run_directory import ROBUSTNESS_FILE
 from src.policies import disturbances

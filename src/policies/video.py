@@ -20,7 +20,7 @@ import gymnasium
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from src.config import EnvConfig
+from src.config.schema import EnvConfig
 from src.training.gym_task import make_gym
 
 SIZE = 480  # pixels, both ways

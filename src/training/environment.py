@@ -16,7 +16,7 @@ from tensordict import TensorDict, TensorDictBase
 from torchrl.data import Binary, Bounded, Composite, Unbounded
 from torchrl.envs import EnvBase
 
-from src.config import ConfigurationError, EnvConfig
+from src.config.schema import ConfigurationError, EnvConfig
 from src.training.errors import CorruptState
 from src.training.gym_task import action_limit, is_mujoco, make_gym, sizes
 

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from src.config import ExperimentConfig
+from src.config.schema import ExperimentConfig
 from src.streams import Streams
 from src.training.gym_task import make_gym
 

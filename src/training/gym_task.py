@@ -13,7 +13,7 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
-from src.config import ConfigurationError, EnvConfig
+from src.config.schema import ConfigurationError, EnvConfig
 
 #: Gymnasium's note about v4 tasks: we want v4, the paper's dynamics on the maintained simulator.
 _OUT_OF_DATE = r".*The environment .* is out of date.*"

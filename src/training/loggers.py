@@ -12,7 +12,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
-from src.config import ConfigurationError, ExperimentConfig, to_dict
+from src.config.schema import ConfigurationError, ExperimentConfig
+from src.config.validation import to_dict
 from src.experiment.files import replace_file
 from src.experiment.run_directory import RunDirectory
 

@@ -6,7 +6,7 @@ import ctypes
 
 import torch
 
-from src.config import ConfigurationError, ExperimentConfig
+from src.config.schema import ConfigurationError, ExperimentConfig
 from src.engine import blas
 from src.experiment.progress import Progress
 from src.experiment.run_directory import RunDirectory

@@ -14,7 +14,8 @@ from src.actors.build import build_actor
 from src.algorithms.build import acting
 from src.algorithms.learner import Learner
 from src.algorithms.networks import DeterministicPolicy
-from src.config import ExperimentConfig, to_dict, validate
+from src.config.schema import ExperimentConfig
+from src.config.validation import to_dict, validate
 from src.streams import Streams
 from src.training.checkpoint import read_archive, write_archive
 from src.training.normalization import Normalizer

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from src.config import ProtocolConfig
+from src.config.schema import ProtocolConfig
 from src.experiment.progress import Progress
 from src.experiment.run_directory import RunDirectory
 from src.training.checkpoint import CheckpointFolder

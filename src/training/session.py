@@ -15,7 +15,7 @@ from torch import Tensor
 from src.algorithms.build import build_learner
 from src.algorithms.learner import Batch
 from src.algorithms.metrics import METRICS, Diverged, IntervalMeans, health_columns
-from src.config import ConfigurationError, ExperimentConfig
+from src.config.schema import ConfigurationError, ExperimentConfig
 from src.experiment.progress import Progress
 from src.experiment.run_directory import (
     BEST_POLICY_FILE,

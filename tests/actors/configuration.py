@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from src.config import ExperimentConfig
+from src.config.schema import ExperimentConfig
 from tests.helpers import make_config
 
 

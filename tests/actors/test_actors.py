@@ -14,7 +14,7 @@ from src.actors.actor import Actor
 from src.actors.build import build_actor
 from src.actors.mlp import MLPActor
 from src.actors.spiking_actor import SpikingActor
-from src.config import ConfigurationError
+from src.config.schema import ConfigurationError
 from src.streams import Streams
 from tests.actors.configuration import configuration
 

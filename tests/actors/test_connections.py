@@ -15,7 +15,7 @@ from src.actors.decoder import PopulationDecoder
 from src.actors.initialisation import Initialiser
 from src.actors.lateral import LateralInteraction, neighbour_offsets
 from src.actors.synapse import Synapse, dendritic_partition, maxout
-from src.config import ConfigurationError
+from src.config.schema import ConfigurationError
 from src.streams import Streams
 from tests.actors.configuration import configuration
 

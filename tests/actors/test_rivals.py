@@ -10,7 +10,7 @@ import torch
 from src.actors.build import build_actor
 from src.actors.dn import DNConstants, DNState, dn_step
 from src.actors.spiking_layer import unroll
-from src.config import ConfigurationError
+from src.config.schema import ConfigurationError
 from src.engine.fast import unsupported_reason
 from src.streams import Streams
 from tests.actors import stepwise

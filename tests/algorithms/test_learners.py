@@ -17,7 +17,7 @@ from src.algorithms.metrics import Diverged
 from src.algorithms.networks import TwinCritic
 from src.algorithms.sac import SAC
 from src.algorithms.td3 import TD3
-from src.config import ConfigurationError, CustomActorConfig
+from src.config.schema import ConfigurationError, CustomActorConfig
 from src.streams import Streams
 from tests.helpers import make_config
 

@@ -11,7 +11,7 @@ from torch import Tensor, nn
 
 from src.algorithms.build import build_learner
 from src.algorithms.td3_proxy import TD3Proxy, proxy_loss
-from src.config import ConfigurationError
+from src.config.schema import ConfigurationError
 from src.streams import Streams
 from tests.algorithms.test_learners import (
     SEED,

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 from omegaconf import OmegaConf
 
-from src.config import ConfigurationError, validate
+from src.config.schema import ConfigurationError
+from src.config.validation import validate
 from tests.experiment.runs import ROOT, composed, run_of
 
 CONF = ROOT / "conf"

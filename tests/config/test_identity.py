@@ -6,8 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from src.config import ENGINE, to_dict
 from src.config.identity import ADDED_KEYS, differences, flatten, hashed_values
+from src.config.schema import ENGINE
+from src.config.validation import to_dict
 from tests.experiment.runs import changed, run_of
 
 

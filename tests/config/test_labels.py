@@ -4,8 +4,8 @@ import re
 
 import pytest
 
-from src.config import ConfigurationError
 from src.config.identity import LONGEST_LABEL
+from src.config.schema import ConfigurationError
 from tests.experiment.runs import run_of
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from src.config import validate
 from src.config.identity import Run
+from src.config.validation import validate
 from src.experiment.run_directory import RunDirectory
 from tests.experiment.runs import ROOT, changed, run_of
 

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from src.config import ConfigurationError, EnvConfig
+from src.config.schema import ConfigurationError, EnvConfig
 from src.experiment import plan
 from src.experiment.plan import make_plan
 from tests.experiment.command import run

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from src import status
-from src.config import ConfigurationError
+from src.config.schema import ConfigurationError
 from src.experiment.ownership import acquire
 from src.experiment.plan import make_plan
 from tests.experiment.command import run

@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from src.config import ENGINE, ConfigurationError
+from src.config.schema import ENGINE, ConfigurationError
 from src.experiment import ownership, state
 from src.experiment.ownership import BusyError, acquire
 from src.experiment.plan import make_plan
@@ -129,8 +129,8 @@ def test_the_config_is_written_once(tmp_path):
 
 
 def test_the_config_on_disk_is_a_valid_configuration_again(tmp_path):
-    from src.config import validate
     from src.config.identity import Run
+    from src.config.validation import validate
 
     _, run = ended(tmp_path)
     assert Run(validate(run.read_config())).configuration_hash == run.manifest.configuration_hash

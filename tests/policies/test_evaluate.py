@@ -10,7 +10,7 @@ import pytest
 from scipy import stats
 
 from src import evaluate
-from src.config import ConfigurationError
+from src.config.schema import ConfigurationError
 from src.policies.find import BEST, policy_path
 
 

@@ -10,7 +10,7 @@ import torch
 
 from src import export
 from src.actors.spike_coding import poisson_draws
-from src.config import ConfigurationError
+from src.config.schema import ConfigurationError
 from src.policies.export_nir import refuse
 from src.policies.export_onnx import PlainPolicy
 from src.policies.load import load_policy

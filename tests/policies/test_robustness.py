@@ -14,7 +14,7 @@ import torch
 from src import evaluate
 from src.actors.actor import Actor
 from src.actors.build import build_actor
-from src.config import ConfigurationError
+from src.config.schema import ConfigurationError
 from src.policies import disturbances, robustness
 from src.policies.load import load_policy
 from src.policies.robustness import SEVERITIES, TIME_STEPS, Condition, play_condition

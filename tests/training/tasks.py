@@ -7,7 +7,7 @@ from typing import Any
 
 import torch
 
-from src.config import EnvConfig
+from src.config.schema import EnvConfig
 from src.training.collection import Transitions
 from tests.helpers import make_config
 

@@ -13,7 +13,7 @@ import torch
 from torchrl.envs import EnvBase
 from torchrl.envs.utils import check_env_specs
 
-from src.config import ConfigurationError, EnvConfig
+from src.config.schema import ConfigurationError, EnvConfig
 from src.training.environment import TrainingEnvironment, make_gym, sizes
 from tests.helpers import ROOT
 from tests.training.tasks import TASKS, task
@@ -135,7 +135,7 @@ def test_a_task_whose_state_cannot_be_saved_is_refused_at_once() -> None:
 _NO_MUJOCO = """
 import sys
 sys.modules["mujoco"] = None
-from src.config import ConfigurationError, EnvConfig
+from src.config.schema import ConfigurationError, EnvConfig
 from src.training.gym_task import sizes
 try:
     sizes(EnvConfig(name="x", id="Hopper-v4", kwargs={}, zero_padding=0, max_episode_steps=9, spike_coding="poisson"))
@@ -155,7 +155,7 @@ _UNSTABLE = """
 import sys
 sys.path.insert(0, sys.argv[1])
 import numpy as np
-from src.config import EnvConfig
+from src.config.schema import EnvConfig
 from src.training.gym_task import make_gym
 assert "torch" not in sys.modules
 environment = make_gym(EnvConfig(name="x", id="HalfCheetah-v4", kwargs={}, zero_padding=0, max_episode_steps=10,

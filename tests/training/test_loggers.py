@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from src.config import ConfigurationError
 from src.config.identity import Run
+from src.config.schema import ConfigurationError
 from src.experiment.ownership import acquire
 from src.training.loggers import TensorBoard, open_logger
 from src.training.session import TrainingSession

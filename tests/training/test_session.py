@@ -11,8 +11,8 @@ import pandas as pd
 import pytest
 import torch
 
-from src.config import ExperimentConfig
 from src.config.identity import Run
+from src.config.schema import ExperimentConfig
 from src.experiment.ownership import acquire
 from src.experiment.state import Outcome
 from src.training.checkpoint import CheckpointFolder, read_archive

@@ -14,7 +14,7 @@ import pytest
 import torch
 from tensordict import TensorDictBase
 
-from src.config import EnvConfig
+from src.config.schema import EnvConfig
 from src.training import simulator_state
 from src.training.collection import Transitions, make_collector, transitions
 from src.training.environment import TrainingEnvironment

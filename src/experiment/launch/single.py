@@ -9,9 +9,9 @@ from hydra.types import RunMode
 from omegaconf import DictConfig
 from rich.console import Console
 
-from src.config import ConfigurationError
 from src.config.compose import compose_run
 from src.config.identity import Run
+from src.config.schema import ConfigurationError
 from src.experiment.display import announced
 from src.experiment.files import last_return
 from src.experiment.progress import PlainProgress, display, number, say

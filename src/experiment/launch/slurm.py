@@ -23,9 +23,8 @@ from typing import Annotated, Any, Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 from rich.console import Console
 
-from src.config import ConfigurationError
 from src.config.identity import Run
-from src.config.schema import Positive, PositiveFloat
+from src.config.schema import ConfigurationError, Positive, PositiveFloat
 from src.experiment.display import SweepDisplay
 from src.experiment.launch.slurm_queue import (
     DEFAULT_ARRAY_LIMIT,

@@ -103,15 +103,11 @@ class Preemption:
 
 def _execute(run: Run, preempted: Preemption) -> Outcome:
     """Where the job was requeued, a file server may hold the lock of its dead process a while longer: try again."""
-    deadline = time.monotonic() + (FRESH_SECONDS if was_requeued() else 0.0)
+    requeued = int(os.environ.get("SLURM_RESTART_COUNT") or 0) > 0
+    deadline = time.monotonic() + (FRESH_SECONDS if requeued else 0.0)
     while True:
         outcome = execute(run, PlainProgress(run.config.protocol.total_steps), preempted)
         if outcome.status != RunState.BUSY or time.monotonic() >= deadline:
             return outcome
         print(f"{outcome.message}; trying again", flush=True)
         time.sleep(_RETRY_SECONDS)
-
-
-def was_requeued() -> bool:
-    """Whether this job has been started before."""
-    return int(os.environ.get("SLURM_RESTART_COUNT") or 0) > 0

@@ -12,9 +12,9 @@ from omegaconf import DictConfig, OmegaConf
 from pydantic import ValidationError
 from rich.console import Console
 
-from src.config import ConfigurationError
 from src.config.compose import compose_run
 from src.config.identity import Run
+from src.config.schema import ConfigurationError
 from src.config.validation import sentence
 from src.experiment.display import announced
 from src.experiment.launch.local import LocalSettings, run_locally

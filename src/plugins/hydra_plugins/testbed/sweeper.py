@@ -16,10 +16,10 @@ from hydra_plugins.testbed.launcher import RunLauncher
 from omegaconf import DictConfig
 from rich.console import Console
 
-from src.config import ConfigurationError
 from src.config.command_line import check_sweep
 from src.config.compose import compose_run
 from src.config.identity import Run
+from src.config.schema import ConfigurationError
 from src.experiment.display import announced, show_summary
 from src.experiment.state import Next, result_of
 
