@@ -28,6 +28,7 @@ from src.config.identity import Run  # noqa: E402
 from src.experiment.machine import processor  # noqa: E402
 from src.experiment.ownership import acquire  # noqa: E402
 from src.experiment.progress import PlainProgress  # noqa: E402
+from src.training.checkpoint import checkpoint_paths  # noqa: E402
 from src.training.collection import Transitions  # noqa: E402
 from src.training.numerics import set_numerics  # noqa: E402
 from src.training.replay import sample_minibatches  # noqa: E402
@@ -79,13 +80,12 @@ def measure(folder: Path, rows: int, interval: int, repeats: int) -> None:
             began = time.perf_counter()
             session.save()
             seconds.append(time.perf_counter() - began)
-        newest = session.checkpoints.paths()[0].stat().st_size
+        newest = checkpoint_paths(run.state)[0].stat().st_size
         replay = (run.state / "replay.bin").stat().st_size
         began = time.process_time()  # on one thread this is what an idle machine's clock would show
         for _ in range(4):
             session.learner.learn(_burst(session))
         update = (time.process_time() - began) / 200
-        session.replay.log.close()
         _write_logs(session)
         began = time.perf_counter()
         again = TrainingSession(config, run, PlainProgress(config.protocol.total_steps))

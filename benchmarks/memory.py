@@ -22,9 +22,8 @@ from src.config.schema import ExperimentConfig
 from src.experiment.ownership import acquire
 from src.experiment.run_directory import REPLAY_FILE
 from src.paths import ROOT
-from src.training.replay import Replay, sample_minibatches
+from src.training.replay import Replay, TransitionLog, sample_minibatches
 from src.training.session import TrainingSession
-from src.training.transition_log import TransitionLog
 
 N, M = 111, 8
 ROW_BYTES = 4 * (2 * N + M + 2)
@@ -100,7 +99,6 @@ def _write_state(config: ExperimentConfig, rows: int) -> None:
         session.environment.reset()
         session.save()
         run.evaluations.append(0, [(0.0, 1)] * config.protocol.evaluation_episodes)
-        session.replay.log.close()
 
 
 def bytes_allocated_per_byte_sampled(path: Path, count: int = 50, batch: int = 100) -> float:
@@ -110,7 +108,6 @@ def bytes_allocated_per_byte_sampled(path: Path, count: int = 50, batch: int = 1
     with _Allocations() as allocations:
         burst = sample_minibatches(replay, count, batch)
     allocated = sum(storage.nbytes() for storage in allocations.made.values()) - count * batch * 8
-    replay.log.close()
     return allocated / sum(x.numel() * x.element_size() for x in burst)
 
 

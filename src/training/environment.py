@@ -17,7 +17,7 @@ from torchrl.data import Binary, Bounded, Composite, Unbounded
 from torchrl.envs import EnvBase
 
 from src.config.schema import ConfigurationError, EnvConfig
-from src.training.errors import CorruptState
+from src.training.checkpoint import CorruptState
 from src.training.gym_task import action_limit, is_mujoco, make_gym, sizes
 
 _CPU = torch.device("cpu")

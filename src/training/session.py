@@ -28,7 +28,7 @@ from src.experiment.run_directory import (
 from src.experiment.state import Outcome
 from src.policies.operations import count_operations, write_operations
 from src.streams import Streams
-from src.training.checkpoint import CheckpointFolder
+from src.training.checkpoint import check_logs, newest_checkpoint, save_checkpoint
 from src.training.collection import make_collector, transitions
 from src.training.environment import TrainingEnvironment
 from src.training.evaluation import Evaluator
@@ -36,9 +36,7 @@ from src.training.loggers import Logger, open_logger
 from src.training.normalization import Normalizer
 from src.training.numerics import record_blas, select_blas, set_numerics
 from src.training.policy_file import PolicyRecord, save_policy
-from src.training.replay import Replay, sample_minibatches
-from src.training.resume import check_logs, newest_checkpoint
-from src.training.transition_log import TransitionLog
+from src.training.replay import Replay, TransitionLog, sample_minibatches
 
 
 def train(
@@ -85,11 +83,9 @@ class TrainingSession:
         log = TransitionLog(run.state / REPLAY_FILE, config.protocol.total_steps, *self.sizes)
         self.replay = Replay(log, config.algo.replay_capacity, self.streams.torch("replay"))
         self.evaluator = Evaluator(config, self.streams)
-        self.checkpoints = CheckpointFolder(run.state)
         self.interval = IntervalMeans()
         self.interval_seconds = 0.0
         self.rate = 0.0  # environment steps per second, for display
-        self.flushed = 0  # transitions known to be on the disk
         self.step = 0
         self.last_return: float | None = None
         self.best: PolicyRecord | None = None  # the highest evaluation so far; of equal ones the first
@@ -242,9 +238,8 @@ class TrainingSession:
 
     def save(self) -> None:
         """Write a checkpoint: everything that the rest of the run depends on."""
-        self.replay.log.flush(self.flushed, len(self.replay))
-        self.flushed = len(self.replay)
-        self.checkpoints.save(self.step, self.state_dict())
+        self.replay.log.flush()
+        save_checkpoint(self.run.state, self.step, self.state_dict())
         self.run.update_manifest(step=self.step, checkpoint_step=self.step)
 
     def resume(self) -> None:
@@ -288,7 +283,6 @@ class TrainingSession:
         for name, generator in self._generators().items():
             generator.set_state(content["generators"][name])
         self.replay.log.truncate(content["replay_length"])
-        self.flushed = len(self.replay)
         self.environment.restore_on_next_reset(content["environment"])
         self.interval.load_state_dict(content["interval"])
         self.interval_seconds = content["interval_seconds"]

@@ -18,7 +18,7 @@ import torch
 from gymnasium.envs.mujoco import MujocoEnv
 from gymnasium.wrappers import TimeLimit
 
-from src.training.errors import CorruptState
+from src.training.checkpoint import CorruptState
 
 #: Derived quantities of ``MjData`` that Gymnasium's tasks read: body, inertial-frame, geometry and site positions,
 #: centres of mass, inertias, velocities, actuator and contact forces.

@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from src.streams import Streams
-from src.training.errors import CorruptState
+from src.training.checkpoint import CorruptState
 from src.training.evaluation import Evaluator
 from src.training.policy_file import TrainedPolicy
 from tests.helpers import tiny

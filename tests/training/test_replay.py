@@ -11,10 +11,9 @@ import pytest
 import torch
 from torchrl.data.replay_buffers import ReplayBuffer
 
+from src.training.checkpoint import CorruptState
 from src.training.collection import Transitions
-from src.training.errors import CorruptState
-from src.training.replay import Replay, sample_minibatches
-from src.training.transition_log import TransitionLog
+from src.training.replay import Replay, TransitionLog, sample_minibatches
 from tests.helpers import ROOT
 
 N, M = 5, 2
@@ -135,9 +134,8 @@ def test_a_resumed_run_goes_back_to_its_checkpoint(tmp_path: Path) -> None:
     stopped = replay(resumed)
     for start in range(0, 200, 50):
         stopped.extend(block(start, 50))
-    stopped.log.flush(0, 200)
+    stopped.log.flush()
     stopped.extend(block(700, 33))  # after the checkpoint, and different
-    stopped.log.close()
     again = replay(resumed)
     assert len(again) == 0
     again.log.truncate(200)
@@ -150,7 +148,6 @@ def test_a_resumed_run_goes_back_to_its_checkpoint(tmp_path: Path) -> None:
 def test_an_extended_run_has_more_rows(tmp_path: Path) -> None:
     buffer = replay(tmp_path, rows=100)
     buffer.extend(block(0, 100))
-    buffer.log.close()
     longer = replay(tmp_path, rows=250)
     longer.log.truncate(100)
     longer.extend(block(100, 150))
@@ -161,7 +158,6 @@ def test_an_extended_run_has_more_rows(tmp_path: Path) -> None:
 def test_a_file_cut_short_is_noticed(tmp_path: Path, keep: int) -> None:
     buffer = replay(tmp_path, rows=100)
     buffer.extend(block(0, 100))
-    buffer.log.close()
     with (tmp_path / "replay.bin").open("r+b") as file:
         file.truncate(keep)
     short = replay(tmp_path, rows=100)
@@ -179,20 +175,18 @@ def test_a_folder_that_is_not_there(tmp_path: Path) -> None:
         Replay(TransitionLog(tmp_path / "gone" / "replay.bin", 10, N, M), 10, torch.Generator())
 
 
-def test_flush_takes_any_range(tmp_path: Path) -> None:
+def test_an_empty_file_can_be_flushed_too(tmp_path: Path) -> None:
     buffer = replay(tmp_path)
-    buffer.log.flush(0, 0)
+    buffer.log.flush()
     buffer.extend(block(0, 1000))
-    for start, stop in ((0, 1000), (999, 1000), (73, 74), (100, 100)):
-        buffer.log.flush(start, stop)
+    buffer.log.flush()
 
 
 _FILL = """
 import os, resource, sys
 from pathlib import Path
 import torch
-from src.training.replay import Replay, sample_minibatches
-from src.training.transition_log import TransitionLog
+from src.training.replay import Replay, TransitionLog, sample_minibatches
 from tests.training.test_replay import block
 limit, allocation = int(sys.argv[2]), sys.argv[3]
 if allocation == "by writing":
@@ -208,7 +202,7 @@ except OSError as error:
 assert len(buffer) >= 30_000, len(buffer)
 found = sample_minibatches(buffer, 50, 100)
 assert torch.equal(found.observation[..., 0], found.reward / 2)
-buffer.log.flush(0, len(buffer))
+buffer.log.flush()
 assert Path(sys.argv[1]).stat().st_size >= len(buffer) * 4 * 232
 """
 #: How the file grows; macOS has only the second.

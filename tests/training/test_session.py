@@ -15,8 +15,7 @@ from src.config.identity import Run
 from src.config.schema import ExperimentConfig
 from src.experiment.ownership import acquire
 from src.experiment.state import Outcome
-from src.training.checkpoint import CheckpointFolder, read_archive
-from src.training.errors import CorruptState
+from src.training.checkpoint import CorruptState, checkpoint_paths, read_archive
 from src.training.numerics import record_blas, set_numerics
 from src.training.session import TrainingSession
 from tests.helpers import Silent, tiny
@@ -48,8 +47,7 @@ def final_weights(path: Path) -> dict[str, torch.Tensor]:
 
 
 def learner_state(path: Path) -> dict:
-    content, _ = CheckpointFolder(path / "state").load()
-    return content
+    return read_archive(checkpoint_paths(path / "state")[0])
 
 
 def assert_same(a: object, b: object, where: str = "") -> None:
@@ -142,7 +140,7 @@ def test_a_truncated_checkpoint_falls_back_to_the_one_before_with_the_same_numbe
     config = tiny(tmp_path / "cut", actor="aan")
     run(config, lambda step: step == 400)
     path = Run(config).path
-    newest = CheckpointFolder(path / "state").paths()[0]
+    newest = checkpoint_paths(path / "state")[0]
     assert newest.name.endswith("400.pt")
     newest.write_bytes(newest.read_bytes()[:-100])
     progress = Silent()
@@ -159,7 +157,7 @@ def test_two_corrupt_checkpoints_are_refused_and_the_evaluations_stay(tmp_path: 
     run(config, lambda step: step == 400)
     path = Run(config).path
     rows = (path / "evaluations.csv").read_bytes()
-    for checkpoint in CheckpointFolder(path / "state").paths():
+    for checkpoint in checkpoint_paths(path / "state"):
         data = bytearray(checkpoint.read_bytes())
         data[len(data) // 2] ^= 1
         checkpoint.write_bytes(data)
@@ -245,7 +243,7 @@ def test_updates_see_observations_normalised_by_all_blocks_so_far(tmp_path: Path
         learn = session.learner.learn
         session.learner.learn = lambda burst: (bursts.append(burst), learn(burst))[1]  # type: ignore[method-assign,func-returns-value]
         session.loop(lambda: session.step == 150)
-        stored = session.replay[torch.arange(150)]
+        stored = session.replay.log.get(torch.arange(150))
     observations, next_observations = stored[0].double(), stored[3].double()
     assert len(observations) == 150 and len(bursts) == 1
     mean, variance = observations.mean(0), observations.var(0, correction=0)

@@ -16,9 +16,9 @@ from tensordict import TensorDictBase
 
 from src.config.schema import EnvConfig
 from src.training import simulator_state
+from src.training.checkpoint import CorruptState
 from src.training.collection import Transitions, make_collector, transitions
 from src.training.environment import TrainingEnvironment
-from src.training.errors import CorruptState
 from src.training.gym_task import make_gym
 from tests.helpers import ROOT
 from tests.training.tasks import TASKS, assert_same, random_policy, task
