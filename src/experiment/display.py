@@ -45,7 +45,7 @@ def announced(runs: Sequence[Run], console: Console, jobs_at_once: int, trains_h
 
 def _show_plan(plan: Plan, console: Console) -> None:
     """What will be done: a line per group of seeds, then the runs that need a word."""
-    counts = Counter(each.next.action for each in plan.runs)
+    counts = Counter(each.action for each in plan.runs)
     studies = sorted({shown_path(each.run.path.parents[5]) for each in plan.runs})
     say(
         console,
@@ -59,7 +59,7 @@ def _show_plan(plan: Plan, console: Console) -> None:
     for action in (each for each in Next if each not in (Next.RUN, Next.SKIP)):
         concerned = plan.having(action)
         for each in concerned[:NAMED]:
-            say(console, f"{action}: {each.run.name} ({each.next.reason})")
+            say(console, f"{action}: {each.run.name} ({each.reason})")
         if len(concerned) > NAMED:
             say(console, f"... and {len(concerned) - NAMED} more to {action}")
 
@@ -72,16 +72,14 @@ def _plan_table(plan: Plan, present: Sequence[Next]) -> Table:
         table.add_column(action.value, justify="right")
     groups: dict[tuple[str, ...], Counter[Next]] = {}
     for each in plan.runs:
-        groups.setdefault(each.run.path.parts[-5:-1], Counter())[each.next.action] += 1
+        groups.setdefault(each.run.path.parts[-5:-1], Counter())[each.action] += 1
     for names, actions in groups.items():
         table.add_row(*names, *(str(actions[action] or "") for action in present))
     return table
 
 
 def _show_cost(plan: Plan, console: Console, jobs_at_once: int) -> None:
-    fresh = {Next.RUN, Next.REPLACE}
-    runs = [(each.run.config, 0 if each.next.action in fresh else each.next.step) for each in plan.to_do]
-    estimate = cost(runs, jobs_at_once)
+    estimate = cost([(each.run.config, each.step) for each in plan.to_do], jobs_at_once)
     basis = (
         "from the runs in the results folder" if estimate.measured else "rough: some rates are defaults, not measured"
     )

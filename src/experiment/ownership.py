@@ -33,7 +33,7 @@ from src.experiment.run_directory import (
     RunState,
     now,
 )
-from src.experiment.state import Next, NextAction, alive_elsewhere, next_action
+from src.experiment.state import Next, PlannedRun, alive_elsewhere, next_action
 
 #: How long taking the lock is tried: a plan or a status may look at it for an instant.
 ACQUIRE_SECONDS = 3.0
@@ -50,7 +50,7 @@ def lock_of(path: Path) -> FileLock:
 
 
 @contextmanager
-def acquire(run: Run) -> Iterator[tuple[RunDirectory, NextAction]]:
+def acquire(run: Run) -> Iterator[tuple[RunDirectory, PlannedRun]]:
     """Hold the directory of ``run``; where there is work to do its manifest says ``running`` on entry.
 
     Raises:
@@ -68,20 +68,20 @@ def acquire(run: Run) -> Iterator[tuple[RunDirectory, NextAction]]:
             raise BusyError(f"{run.name}: running on another machine")
         found = next_action(run, lock_is_ours=True)
         if found.action is Next.CONFLICT:
-            raise ConfigurationError(conflict_message(run, found))
+            raise ConfigurationError(conflict_message(found))
         if found.action not in (Next.SKIP, Next.DIVERGED):
             directory.remove_leftovers()
             directory.reserve()
             # replaced as a whole: a torn one would look like another machine's
             replace_file(directory.state / "owner", machine.boot_token().encode())
-            prepare(run, directory, found)
+            prepare(directory, found)
         yield directory, found
 
 
-def conflict_message(run: Run, found: NextAction) -> str:
+def conflict_message(found: PlannedRun) -> str:
     """Why a run is refused and what to do."""
     return (
-        f"{run.name}: {found.reason} Choose another place (study=..., or label=... for a variant), "
+        f"{found.run.name}: {found.reason} Choose another place (study=..., or label=... for a variant), "
         "or on_conflict=replace to delete the old run."
     )
 
@@ -96,8 +96,9 @@ def wait_for_stale_heartbeat(directory: RunDirectory) -> bool:
     return True
 
 
-def prepare(run: Run, directory: RunDirectory, found: NextAction) -> None:
+def prepare(directory: RunDirectory, found: PlannedRun) -> None:
     """Write ``config.yaml`` where the run is new, and a manifest that says ``running``."""
+    run = found.run
     config = run.config
     commit, dirty = machine.commit()
     fresh = Manifest(
@@ -130,7 +131,7 @@ def prepare(run: Run, directory: RunDirectory, found: NextAction) -> None:
         directory.write_manifest(_resumed(directory, fresh, found))
 
 
-def _resumed(directory: RunDirectory, fresh: Manifest, found: NextAction) -> Manifest:
+def _resumed(directory: RunDirectory, fresh: Manifest, found: PlannedRun) -> Manifest:
     old = directory.manifest
     notes = [f"extended from {old.step} to {fresh.total_steps} steps"] if found.action is Next.EXTEND else []
     for key in ("processor", "commit"):
@@ -204,7 +205,7 @@ def record_death(
         with lock_of(run.path):
             manifest = directory.read_manifest()
             if manifest is None:
-                prepare(run, directory, NextAction(Next.RUN))
+                prepare(directory, PlannedRun(run, Next.RUN))
             elif manifest.status not in unfinished:
                 return
             if status == RunState.INTERRUPTED:

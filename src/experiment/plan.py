@@ -21,7 +21,7 @@ from src.config.schema import ENGINE, ConfigurationError, EnvConfig, ExperimentC
 from src.config.validation import to_dict
 from src.experiment.ownership import conflict_message
 from src.experiment.run_directory import ManifestError, RunDirectory
-from src.experiment.state import TO_DO, Next, NextAction, next_action
+from src.experiment.state import TO_DO, Next, PlannedRun, next_action
 from src.paths import repository_path
 
 #: So many runs are named one by one; the rest is counted.
@@ -32,13 +32,6 @@ _LOGGERS = {
 }
 
 
-class PlannedRun(NamedTuple):
-    """One run and what will be done."""
-
-    run: Run
-    next: NextAction
-
-
 class Plan(NamedTuple):
     """All runs of a grid, in the order of the grid."""
 
@@ -47,11 +40,11 @@ class Plan(NamedTuple):
     @property
     def to_do(self) -> tuple[PlannedRun, ...]:
         """The runs that start a job."""
-        return tuple(each for each in self.runs if each.next.action in TO_DO)
+        return tuple(each for each in self.runs if each.action in TO_DO)
 
     def having(self, action: Next) -> tuple[PlannedRun, ...]:
         """The runs with this action."""
-        return tuple(each for each in self.runs if each.next.action is action)
+        return tuple(each for each in self.runs if each.action is action)
 
 
 def make_plan(runs: Sequence[Run], gpus_here: bool = False) -> Plan:
@@ -66,8 +59,8 @@ def make_plan(runs: Sequence[Run], gpus_here: bool = False) -> Plan:
     if gpus_here:
         _check_devices(configs)
     _refuse_shared_directories(runs)
-    plan = Plan(tuple(PlannedRun(run, next_action(run)) for run in runs))
-    _refuse([conflict_message(each.run, each.next) for each in plan.having(Next.CONFLICT)])
+    plan = Plan(tuple(map(next_action, runs)))
+    _refuse([conflict_message(each) for each in plan.having(Next.CONFLICT)])
     _refuse(list(_mixed_seeds(runs)))
     return plan
 

@@ -70,9 +70,10 @@ class Next(StrEnum):
 TO_DO = frozenset({Next.RUN, Next.RESUME, Next.RETRY, Next.EXTEND, Next.REPLACE})
 
 
-class NextAction(NamedTuple):
-    """``reason`` says why, for a person; ``step`` is where the run stands."""
+class PlannedRun(NamedTuple):
+    """What will be done with a run: ``reason`` says why, for a person; ``step`` is where it stands or goes on."""
 
+    run: Run
     action: Next
     reason: str = ""
     step: int = 0
@@ -143,47 +144,47 @@ def alive_elsewhere(path: Path, manifest: Manifest | None) -> bool:
     return owner != boot_token() and seconds_since(manifest.updated) < FRESH_SECONDS
 
 
-def next_action(run: Run, lock_is_ours: bool = False) -> NextAction:
+def next_action(run: Run, lock_is_ours: bool = False) -> PlannedRun:
     """What to do with ``run``, given what :func:`inspect_run` finds in its directory."""
     seen = inspect_run(run.path, lock_is_ours)
     manifest = seen.manifest
     if seen.held:
-        return NextAction(Next.BUSY, seen.held, seen.step)
+        return PlannedRun(run, Next.BUSY, seen.held, seen.step)
     if manifest is None:
-        return NextAction(Next.RUN) if seen.state == RunState.NOT_STARTED else _conflict(run, seen.why, 0)
+        return PlannedRun(run, Next.RUN) if seen.state == RunState.NOT_STARTED else _conflict(run, seen.why)
     if manifest.configuration_hash != run.configuration_hash:
-        return _conflict(run, _difference(run, manifest), seen.step)
+        return _conflict(run, _difference(run, manifest))
     asked = run.config.protocol.total_steps
     step = seen.step
     if seen.state == RunState.DIVERGED:
-        return NextAction(Next.DIVERGED, seen.why, step)
+        return PlannedRun(run, Next.DIVERGED, seen.why, step)
     if asked < step:
-        return _conflict(run, f"protocol.total_steps={asked} is smaller than the {step} steps already done.", step)
+        return _conflict(run, f"protocol.total_steps={asked} is smaller than the {step} steps already done.")
     if seen.state == RunState.COMPLETE:
         return _after_the_end(run, asked, step)
     if seen.state == RunState.FAILED:
         if manifest.failure and manifest.failure.kind in DAMAGED and run.config.on_conflict == "replace":
-            return _conflict(run, seen.why, step)
-        return NextAction(Next.RETRY, f"failed at step {step}" + (f": {seen.why}" if seen.why else ""), step)
-    return NextAction(Next.RESUME, f"stopped at about step {step}", step)
+            return _conflict(run, seen.why)
+        return PlannedRun(run, Next.RETRY, f"failed at step {step}" + (f": {seen.why}" if seen.why else ""), step)
+    return PlannedRun(run, Next.RESUME, f"stopped at about step {step}", step)
 
 
-def _after_the_end(run: Run, asked: int, step: int) -> NextAction:
+def _after_the_end(run: Run, asked: int, step: int) -> PlannedRun:
     if asked == step:
-        return NextAction(Next.SKIP, "", step)
+        return PlannedRun(run, Next.SKIP, "", step)
     if RunDirectory(run.path).can_be_extended:
-        return NextAction(Next.EXTEND, f"from {step} to {asked} steps", step)
+        return PlannedRun(run, Next.EXTEND, f"from {step} to {asked} steps", step)
     reason = (
         f"it is complete at {step} steps and can't be extended to {asked}: its replay and checkpoint "
         "were not kept (keep_replay=true, given from the start, keeps them)."
     )
-    return _conflict(run, reason, step)
+    return _conflict(run, reason)
 
 
-def _conflict(run: Run, reason: str, step: int) -> NextAction:
+def _conflict(run: Run, reason: str) -> PlannedRun:
     if run.config.on_conflict == "replace":
-        return NextAction(Next.REPLACE, f"the old run is deleted when the job starts: {reason}", step)
-    return NextAction(Next.CONFLICT, reason, step)
+        return PlannedRun(run, Next.REPLACE, f"the old run is deleted when the job starts: {reason}")
+    return PlannedRun(run, Next.CONFLICT, reason)
 
 
 def _difference(run: Run, manifest: Manifest) -> str:

@@ -67,11 +67,11 @@ def test_all_seeds_together_may_be_extended_or_replaced(tmp_path):
         for name in ("replay.bin", "checkpoint-000000002000.pt"):
             (directory.state / name).touch()
     longer = [smoke(tmp_path, f"seed={seed}", "protocol.total_steps=4000") for seed in (0, 1)]
-    assert {each.next.action for each in make_plan(longer).runs} == {"extend"}
+    assert {each.action for each in make_plan(longer).runs} == {"extend"}
     with pytest.raises(ConfigurationError, match="total_steps"):
         make_plan(longer[:1])
     other = [changed(smoke(tmp_path, f"seed={seed}", "threads=2"), on_conflict="replace") for seed in (0, 1)]
-    assert {each.next.action for each in make_plan(other).runs} == {"replace"}
+    assert {each.action for each in make_plan(other).runs} == {"replace"}
 
 
 def test_a_broken_sibling_stops_nobody(tmp_path):

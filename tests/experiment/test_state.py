@@ -81,7 +81,7 @@ def test_replace_deletes_the_old_run_only_when_the_job_starts(tmp_path):
     (run.state / "tensorboard").mkdir()
     other = smoke(tmp_path, "protocol.update_after=300", "on_conflict=replace")
     plan = make_plan([other])
-    assert plan.runs[0].next.action is Next.REPLACE
+    assert plan.runs[0].action is Next.REPLACE
     assert (run.path / "evaluations.csv").exists()
     with acquire(other) as (again, decision):
         assert decision.action is Next.REPLACE
