@@ -28,7 +28,7 @@ class Kernel:
     """A function that is compiled for one signature at its first call."""
 
     def __init__(self, function: Callable[..., None], signature: Any) -> None:
-        self._function, self._signature = function, signature
+        self._function, self._signature = getattr(function, "py_func", function), signature
         self._compiled: Callable[..., None] | None = None
         self.__doc__ = function.__doc__
         KERNELS[f"{function.__module__}.{function.__name__}"] = self
@@ -54,7 +54,10 @@ class Kernel:
 
 
 def kernel(signature: Any) -> Callable[[Callable[..., None]], Kernel]:
-    """For a function that PyTorch's side calls: ``@kernel(void(int64, ...))``; it releases the interpreter's lock."""
+    """For a function that PyTorch's side calls: ``@kernel(void(int64, ...))``; it releases the interpreter's lock.
+
+    An :data:`inner` function can be made one too.
+    """
     return lambda function: Kernel(function, signature)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -16,15 +15,13 @@ from src.engine.bound import VJP, BoundActor, NotCopyable
 from src.engine.flat import gradient_address
 from src.engine.records import MLP_LAYER
 
+#: What a forward pass saves for its gradient: the input ``[B, in]``, then the output of each layer, ``[E, B, .]``.
+Saved = list[Tensor]
 
-class Saved(NamedTuple):
-    """What a forward pass saves for its gradient."""
 
-    hidden: list[Tensor]  # the input [B, in], then the output of each layer, [E, B, .]
-
-    def last(self, rows: int) -> Saved:
-        """The same of the last rows alone; of one network."""
-        return Saved([h[..., -rows:, :].contiguous() for h in self.hidden])
+def last_rows(saved: Saved, rows: int) -> Saved:
+    """The same of the last rows alone; of one network."""
+    return [h[..., -rows:, :].contiguous() for h in saved]
 
 
 class BoundMLP(NotCopyable):
@@ -52,9 +49,9 @@ class BoundMLP(NotCopyable):
 
     def forward_saving(self, x: Tensor) -> Saved:
         """:meth:`forward` with what :meth:`vjp` needs; the last of it is the output."""
-        return Saved(self._run(x, self._outputs))
+        return self._run(x, self._outputs)
 
-    def _run(self, x: Tensor, sizes: Sequence[int]) -> list[Tensor]:
+    def _run(self, x: Tensor, sizes: Sequence[int]) -> Saved:
         x = self._checked(x)
         outputs = [x.new_empty(self.ensemble, len(x), size) for size in sizes]
         hidden = np.zeros(len(self._layers) + 1, np.int64)
@@ -65,12 +62,12 @@ class BoundMLP(NotCopyable):
 
     def vjp(self, saved: Saved, grad_outputs: Tensor, with_input: bool = False) -> Tensor | None:
         """Given the gradient w.r.t. the outputs ``[E, B, out]``, fill the parameters'; give the input's if wanted."""
-        if grad_outputs.shape != saved.hidden[-1].shape or grad_outputs.dtype != torch.float32:
+        if grad_outputs.shape != saved[-1].shape or grad_outputs.dtype != torch.float32:
             found = f"{[*grad_outputs.shape]}, {grad_outputs.dtype}"
-            raise ValueError(f"the outputs are {[*saved.hidden[-1].shape]}, float32; the gradient w.r.t. them {found}")
-        grad_outputs, x = grad_outputs.contiguous(), saved.hidden[0]
+            raise ValueError(f"the outputs are {[*saved[-1].shape]}, float32; the gradient w.r.t. them {found}")
+        grad_outputs, x = grad_outputs.contiguous(), saved[0]
         grad_input = torch.empty_like(x) if with_input else None
-        hidden = np.array([h.data_ptr() for h in saved.hidden], np.int64)
+        hidden = np.array([h.data_ptr() for h in saved], np.int64)
         columns = (0 if grad_input is None else grad_input.data_ptr(), 0, x.shape[1])
         arguments = (self._layers, hidden, grad_outputs.data_ptr(), self.final_relu, 1, *columns)
         mlp_kernels.backward(self._sgemm, self.ensemble, len(x), *arguments)
@@ -125,8 +122,8 @@ class BoundMLPActor(BoundActor):
     ) -> tuple[Tensor, ActorHealth | None, VJP]:
         """See :meth:`BoundActor.vjp`."""
         saved = self._network.forward_saving(observation.flatten(0, 1))
-        raw = saved.hidden[-1].squeeze(0).unflatten(0, observation.shape[:2])
-        last = saved.last(observation.shape[1])
+        raw = saved[-1].squeeze(0).unflatten(0, observation.shape[:2])
+        last = last_rows(saved, observation.shape[1])
 
         def vjp_fn(grad_raw: Tensor) -> None:
             self._network.vjp(last, grad_raw.unsqueeze(0))

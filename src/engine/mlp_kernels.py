@@ -18,7 +18,6 @@ from src.engine.primitives import FLOAT, LINE, floats, keep_alive, multiply, nex
 from src.engine.records import MLP_LAYERS
 
 ZERO = np.float32(0)
-_ADDRESSES = int64[::1]
 
 
 @inner
@@ -129,50 +128,31 @@ def _backward(  # type: ignore[no-untyped-def]
 
 
 @inner
-def _lay_out(E, B, layers, x, outputs, memory):  # type: ignore[no-untyped-def]
-    """``hidden`` for networks with one output each, layers between in ``memory``, and the first free address there."""
-    count = layers.shape[0]
+def _lay_out(E, B, layers, x, outputs):  # type: ignore[no-untyped-def]
+    """``hidden`` for networks with one output each, ``[E, B]`` free numbers behind it, and the memory of both."""
+    count, neurons = layers.shape[0], 0
+    for k in range(count):
+        neurons += layers[k]["outputs"]
+    memory = np.empty(E * B * neurons + (count + 2) * (LINE // FLOAT), np.float32)
     hidden, free = np.empty(count + 1, np.int64), next_line(int64(memory.ctypes.data))
     hidden[0], hidden[count] = x, outputs
     for k in range(1, count):
         hidden[k] = free
         free = next_line(free + E * B * layers[k]["inputs"] * FLOAT)
-    return hidden, free
+    return hidden, free, memory
 
 
-@inner
-def _memory(E, B, layers):  # type: ignore[no-untyped-def]
-    """Memory for all that :func:`_lay_out` lays out, each part at a line's start."""
-    neurons = 0
-    for k in range(layers.shape[0]):
-        neurons += layers[k]["outputs"]
-    return np.empty(E * B * neurons + (layers.shape[0] + 2) * (LINE // FLOAT), np.float32)
+forward = kernel(void(*3 * (int64,), MLP_LAYERS, int64[::1], int64))(_forward)
+backward = kernel(void(*3 * (int64,), MLP_LAYERS, int64[::1], *6 * (int64,)))(_backward)
 
 
-@kernel(void(int64, int64, int64, MLP_LAYERS, _ADDRESSES, int64))
-def forward(sgemm, E, B, layers, hidden, final_relu):  # type: ignore[no-untyped-def]
-    """See :func:`_forward`."""
-    _forward(sgemm, E, B, layers, hidden, final_relu)
-
-
-@kernel(void(int64, int64, int64, MLP_LAYERS, _ADDRESSES, int64, int64, int64, int64, int64, int64))
-def backward(  # type: ignore[no-untyped-def]
-    sgemm, E, B, layers, hidden, grad_outputs, final_relu, wants_parameters, grad_input, input_start, input_stop
-):
-    """See :func:`_backward`."""
-    _backward(
-        sgemm, E, B, layers, hidden, grad_outputs, final_relu, wants_parameters, grad_input, input_start, input_stop
-    )  # fmt: skip
-
-
-@kernel(void(int64, int64, int64, MLP_LAYERS, int64, int64, int64, int64))
+@kernel(void(*3 * (int64,), MLP_LAYERS, *4 * (int64,)))
 def squared_error_step(sgemm, E, B, layers, x, target, outputs, loss):  # type: ignore[no-untyped-def]
     """Forward, ``loss[0] = sum over E of mean over B of (y - target)^2``, and its gradient; one output per network.
 
     Addresses of ``[B, n_0]``, ``[B]``, ``[E, B]`` (filled) and ``[1]`` (filled).
     """
-    memory = _memory(E, B, layers)
-    hidden, free = _lay_out(E, B, layers, x, outputs, memory)
+    hidden, free, memory = _lay_out(E, B, layers, x, outputs)
     _forward(sgemm, E, B, layers, hidden, 0)
     y, expected, g = floats(outputs, (E, B)), floats(target, (B,)), floats(free, (E, B))
     total = 0.0
@@ -186,7 +166,7 @@ def squared_error_step(sgemm, E, B, layers, x, target, outputs, loss):  # type: 
     keep_alive(memory)
 
 
-@kernel(void(int64, int64, int64, MLP_LAYERS, int64, float32, int64, int64, int64, int64))
+@kernel(void(*3 * (int64,), MLP_LAYERS, int64, float32, *4 * (int64,)))
 def minimum_input_gradient(  # type: ignore[no-untyped-def]
     sgemm, E, B, layers, x, scale, outputs, grad_input, start, stop
 ):
@@ -195,8 +175,7 @@ def minimum_input_gradient(  # type: ignore[no-untyped-def]
     One output per network; where networks tie, each has its share of the gradient. Addresses of ``[B, n_0]``,
     ``[E, B]`` (filled) and ``[B, stop - start]`` (filled).
     """
-    memory = _memory(E, B, layers)
-    hidden, free = _lay_out(E, B, layers, x, outputs, memory)
+    hidden, free, memory = _lay_out(E, B, layers, x, outputs)
     _forward(sgemm, E, B, layers, hidden, 0)
     y, g = floats(outputs, (E, B)), floats(free, (E, B))
     for b in range(B):

@@ -19,7 +19,7 @@ from src.algorithms.learner import Batch
 from src.algorithms.metrics import BurstRecord
 from src.engine import tanh_gaussian
 from src.engine.learner import FastLearner
-from src.engine.mlp import BoundMLP
+from src.engine.mlp import BoundMLP, last_rows
 
 #: Takes the gradients w.r.t. mean and log-std, ``[B, M]``; fills those w.r.t. the parameters.
 HeadsVJP = Callable[[Tensor, Tensor], None]
@@ -96,26 +96,26 @@ class FastSAC(FastLearner, sac.SAC):
         """Means and log-stds ``[2, B, M]`` by a network each; the VJP is that of the second minibatch."""
         means, health, vjp_mean = self._actor.vjp(observation, self.streams.encoder, with_health)
         saved = self._log_std.forward_saving(observation.flatten(0, 1))
-        last = saved.last(observation.shape[1])
+        last = last_rows(saved, observation.shape[1])
 
         def vjp_fn(grad_mean: Tensor, grad_log_std: Tensor) -> None:
             vjp_mean(grad_mean)
             self._log_std.vjp(last, grad_log_std.unsqueeze(0))
 
-        return means, saved.hidden[-1][0].unflatten(0, observation.shape[:2]), health, vjp_fn
+        return means, saved[-1][0].unflatten(0, observation.shape[:2]), health, vjp_fn
 
     def _heads(self, observation: Tensor, with_health: bool) -> tuple[Tensor, Tensor, ActorHealth | None, HeadsVJP]:
         """The same by a head each of the actor's trunk."""
         batch = observation.shape[1]
         trunk = self._trunk.forward_saving(observation.flatten(0, 1))
-        mean, log_std = (head.forward_saving(trunk.hidden[-1][0]) for head in (self._mean, self._log_std))
+        mean, log_std = (head.forward_saving(trunk[-1][0]) for head in (self._mean, self._log_std))
 
         def vjp_fn(grad_mean: Tensor, grad_log_std: Tensor) -> None:
-            through_mean = self._mean.vjp(mean.last(batch), grad_mean.unsqueeze(0), with_input=True)
-            through_log_std = self._log_std.vjp(log_std.last(batch), grad_log_std.unsqueeze(0), with_input=True)
+            through_mean = self._mean.vjp(last_rows(mean, batch), grad_mean.unsqueeze(0), with_input=True)
+            through_log_std = self._log_std.vjp(last_rows(log_std, batch), grad_log_std.unsqueeze(0), with_input=True)
             assert through_mean is not None and through_log_std is not None
-            self._trunk.vjp(trunk.last(batch), torch.add(through_mean, through_log_std).unsqueeze(0))
+            self._trunk.vjp(last_rows(trunk, batch), torch.add(through_mean, through_log_std).unsqueeze(0))
 
         health = NOTHING_SPIKES if with_health else None
-        means, log_stds = (saved.hidden[-1][0].unflatten(0, observation.shape[:2]) for saved in (mean, log_std))
+        means, log_stds = (saved[-1][0].unflatten(0, observation.shape[:2]) for saved in (mean, log_std))
         return means, log_stds, health, vjp_fn

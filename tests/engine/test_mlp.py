@@ -8,7 +8,7 @@ import torch
 from src.actors.mlp import EnsembleMLP
 from src.algorithms.td3 import critic_loss
 from src.engine.flat import FlatParameters
-from src.engine.mlp import BoundMLP, BoundMLPActor
+from src.engine.mlp import BoundMLP, BoundMLPActor, last_rows
 from src.streams import Streams
 from tests.engine.actors import ACTION_SIZE, OBSERVATION_SIZE, actor
 
@@ -29,7 +29,7 @@ def test_values_and_gradients_are_autograds(sizes, final_relu, batch):
     parameters = list(network.parameters())
     grad_input, *gradients = torch.autograd.grad(expected, [x, *parameters], grad_outputs)
     saved = bound.forward_saving(x.detach())
-    torch.testing.assert_close(saved.hidden[-1], expected.detach())
+    torch.testing.assert_close(saved[-1], expected.detach())
     torch.testing.assert_close(bound.forward(x.detach()), expected.detach())
     flat.gradient.fill_(torch.nan)
     torch.testing.assert_close(bound.vjp(saved, grad_outputs, with_input=True), grad_input, rtol=1e-4, atol=1e-5)
@@ -88,7 +88,7 @@ def test_nan_propagates(member):
 def test_the_last_rows_alone_are_a_minibatch_of_their_own():
     _, bound, flat = bind([6, 33, 3], 1)
     x, grad_outputs = torch.randn(20, 6), torch.randn(1, 8, 3)
-    bound.vjp(bound.forward_saving(x).last(8), grad_outputs)
+    bound.vjp(last_rows(bound.forward_saving(x), 8), grad_outputs)
     found = flat.gradient.clone()
     bound.vjp(bound.forward_saving(x[12:]), grad_outputs)
     torch.testing.assert_close(found, flat.gradient, rtol=1e-5, atol=1e-6)
