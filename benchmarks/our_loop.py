@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from contextlib import nullcontext
 from unittest.mock import patch
 
@@ -37,7 +36,7 @@ def ours(turns: Turns, config: ExperimentConfig, evaluation_env: EnvConfig, refe
     stepwise = patch("src.actors.build.SpikingActor", StepwiseSpikingActor)
     with acquire(Run(config)) as (run, _), stepwise if reference else nullcontext():
         session = TrainingSession(config, run, Silent())
-        session.evaluator = Evaluator(dataclasses.replace(config, env=evaluation_env), session.streams)
+        session.evaluator = Evaluator(evaluation_env, config.protocol.evaluation_episodes, session.streams)
         session.evaluator.evaluate = turns.timed("evaluation", session.evaluator.evaluate)  # type: ignore[method-assign]
         session.save = turns.timed("checkpoint", session.save)  # type: ignore[method-assign]
         session.loop(lambda: not turns.reached(session.step))

@@ -13,31 +13,19 @@ import csv
 import os
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from src.config.schema import ConfigurationError
-from src.experiment import process
 from src.paths import repository_path, shown_path
-from src.policies.find import BEST, FINAL, policy_path
+from src.policies import command
+from src.policies.command import BEST, policy_path
 
 CONFIDENCE = 0.95
 
 
 def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     """The command line."""
-    parser = argparse.ArgumentParser(
-        prog="python -m src.evaluate", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument(
-        "runs", type=repository_path, nargs="+", metavar="RUN", help="a run directory, or a policy file"
-    )
-    parser.add_argument(
-        "--policy",
-        choices=(FINAL, BEST),
-        default=FINAL,
-        help="of a run directory: its final policy, or that of its best evaluation, which flatters (default: final)",
-    )
+    parser = command.policy_parser("evaluate", __doc__, runs="+")
     parser.add_argument("--episodes", type=int, default=10, help="episodes to play (default: 10)")
     parser.add_argument(
         "--seed", type=int, default=0, help="seed of the episodes; another one gives others (default: 0)"
@@ -50,15 +38,11 @@ def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
         help="instead: count the final policy's operations over its last evaluation, into RUN/operations.json",
     )
     instead.add_argument("--robustness", action="store_true", help="under graded disturbances, into RUN/robustness.csv")
-    options = parser.parse_args(arguments)
-    if options.episodes < 1:
-        parser.error(f"--episodes: should be at least 1, found {options.episodes}")
-    if options.seed < 0:
-        parser.error(f"--seed: should be at least 0, found {options.seed}")
-    for run in options.runs:
+    options = command.parse(parser, arguments, episodes=1, seed=0)
+    for run in options.run:
         if (options.operations or options.robustness) and not run.is_dir():
             parser.error(f"--operations and --robustness: should be given run directories, found {run}")
-    if options.csv and len(options.runs) > 1:
+    if options.csv and len(options.run) > 1:
         parser.error("--csv: takes the episodes of one run")
     if options.operations and options.policy == BEST:
         parser.error("--operations: counts the final policy, not the best one")
@@ -81,15 +65,13 @@ def check_csv(path: Path) -> None:
 
 def play(path: Path, episodes: int, seed: int) -> tuple[str, list[tuple[float, int]]]:
     """When the policy was kept, and ``(return, length)`` per episode; no evaluation of the run played these."""
-    process.set_threads_before_torch(1)
     from src.policies import summary
-    from src.policies.load import FRESH, load_policy
     from src.streams import Streams
-    from src.training.evaluation import Evaluator
+    from src.training.evaluation import FRESH, Evaluator
+    from src.training.policy_file import load_policy
 
     trained = load_policy(path)
-    config = replace(trained.config, protocol=replace(trained.config.protocol, evaluation_episodes=episodes))
-    evaluator = Evaluator(config, Streams(seed))
+    evaluator = Evaluator(trained.config.env, episodes, Streams(seed))
     kept = summary.describe(trained.standing) if trained.standing else "policy of an unknown step"
     return kept, evaluator.evaluate(trained.on_training_backend(), step=FRESH)
 
@@ -102,10 +84,9 @@ def statistics(returns: Sequence[float]) -> str:
     mean = float(np.mean(returns))
     if len(returns) < 2:
         return f"mean return {mean:.1f} over 1 episode"
-    deviation = float(np.std(returns, ddof=1))
-    half = float(stats.t.ppf((1 + CONFIDENCE) / 2, len(returns) - 1)) * deviation / len(returns) ** 0.5
+    half = stats.t.ppf((1 + CONFIDENCE) / 2, len(returns) - 1) * stats.sem(returns)
     return (
-        f"mean return {mean:.1f} over {len(returns)} episodes, standard deviation {deviation:.1f}, "
+        f"mean return {mean:.1f} over {len(returns)} episodes, standard deviation {np.std(returns, ddof=1):.1f}, "
         f"{CONFIDENCE:.0%} t interval of the mean {mean - half:.1f} to {mean + half:.1f}"
     )
 
@@ -113,10 +94,11 @@ def statistics(returns: Sequence[float]) -> str:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print a table of the episodes; returns the exit code."""
     options = parse(arguments)
-    try:
+
+    def work() -> None:
         if options.csv:
             check_csv(options.csv)
-        for run in options.runs:
+        for run in options.run:
             path = policy_path(run, options.policy)
             if options.operations:
                 count(run, path)
@@ -124,40 +106,31 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 disturb(run, path, options)
             else:
                 evaluate(run, path, options)
-    except (ConfigurationError, RuntimeError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    return 0
+
+    return command.run_command(work)
 
 
 def evaluate(run: Path, path: Path, options: argparse.Namespace) -> None:
-    """Play, show, and write the table where one is asked for."""
+    """Play, print the episodes as a table and their statistics, and write the table where one is asked for."""
+    from rich.console import Console
+    from rich.table import Table
+
     kept, results = play(path, options.episodes, options.seed)
-    show(run, kept, results, options.seed)
+    table = Table("episode", "return", "length", title=shown_path(run), title_justify="left")
+    for episode, (episode_return, length) in enumerate(results):
+        table.add_row(str(episode), f"{episode_return:.1f}", str(length))
+    Console().print(table)
+    print(kept)
+    print(f"{statistics([episode_return for episode_return, _ in results])}, seed {options.seed}")
     if options.csv:
         with options.csv.open("w", newline="") as file:
             writer = csv.writer(file, lineterminator="\n")
             writer.writerows([("episode", "return", "length"), *((i, r, n) for i, (r, n) in enumerate(results))])
 
 
-def show(run: Path, kept: str, results: Sequence[tuple[float, int]], seed: int) -> None:
-    """The episodes as a table, and their statistics."""
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table("episode", "return", "length", title=shown_path(run), title_justify="left")
-    for episode, (episode_return, length) in enumerate(results):
-        table.add_row(str(episode), f"{episode_return:.1f}", str(length))
-    Console().print(table)
-    print(kept)
-    print(f"{statistics([episode_return for episode_return, _ in results])}, seed {seed}")
-
-
 def count(run: Path, path: Path) -> None:
     """``--operations``: count, write and say where."""
-    process.set_threads_before_torch(1)
-    from src.policies.load import count_again
-    from src.policies.operations import write_operations
+    from src.policies.operations import count_again, write_operations
     from src.policies.trace import NotTraceable
 
     try:
@@ -170,7 +143,6 @@ def count(run: Path, path: Path) -> None:
 
 def disturb(run: Path, path: Path, options: argparse.Namespace) -> None:
     """``--robustness``: play under every condition, show each as it is done, write and say where."""
-    process.set_threads_before_torch(1)
     from src.policies import robustness
 
     print(f"{shown_path(run)}, {options.policy} policy")

@@ -7,48 +7,32 @@ whatever the working directory. Needs `pip install '.[export]'`.
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from src.config.schema import ConfigurationError
-from src.experiment import process
 from src.paths import repository_path, shown_path
-from src.policies.find import BEST, FINAL, policy_path
-
-FORMATS = ("onnx", "nir")
-
-
-def parse(arguments: Sequence[str] | None = None) -> argparse.Namespace:
-    """The command line."""
-    parser = argparse.ArgumentParser(
-        prog="python -m src.export", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("run", type=repository_path, help="a run directory, or a policy file")
-    parser.add_argument("--to", choices=FORMATS, required=True)
-    parser.add_argument("--policy", choices=(FINAL, BEST), default=FINAL, help="of a run directory (default: final)")
-    parser.add_argument("--output", type=repository_path, help="the file (default: beside the policy file)")
-    return parser.parse_args(arguments)
+from src.policies.command import parse, policy_parser, policy_path, run_command
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Write the file and say what it takes and gives; returns the exit code."""
-    options = parse(arguments)
-    try:
+    parser = policy_parser("export", __doc__)
+    parser.add_argument("--to", choices=("onnx", "nir"), required=True)
+    parser.add_argument("--output", type=repository_path, help="the file (default: beside the policy file)")
+    options = parse(parser, arguments)
+
+    def work() -> None:
         path = policy_path(options.run, options.policy)
         output = options.output or path.with_suffix(f".{options.to}")
         print(f"wrote {shown_path(output)}: {export(path, options.to, output)}")
-    except (ConfigurationError, RuntimeError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    return 0
+
+    return run_command(work)
 
 
 def export(path: Path, to: str, output: Path) -> str:
     """Write the policy; returns what the file takes and gives."""
-    process.set_threads_before_torch(1)
-    from src.policies.load import load_policy
+    from src.training.policy_file import load_policy
 
     trained = load_policy(path)
     if to == "onnx":

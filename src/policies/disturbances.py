@@ -26,6 +26,9 @@ from src.streams import Streams
 #: A bias at which no neuron fires and no ReLU opens.
 SILENT = -1e6
 
+#: A disturbance of observations, ``[N] -> [N]``.
+Disturb = Callable[[np.ndarray], np.ndarray]
+
 
 class Joints(NamedTuple):
     """Places of the actuated joints in an observation: of their positions and of their velocities."""
@@ -55,24 +58,12 @@ def joints_of(environment: gymnasium.Env) -> Joints:
     return Joints(list(range(positions - actuated, positions)), list(range(end - actuated, end)))
 
 
-class DisturbedObservation(gymnasium.ObservationWrapper):
-    """An environment whose observations go through a function, ``[N] -> [N]``."""
-
-    def __init__(self, environment: gymnasium.Env, disturb: Callable[[np.ndarray], np.ndarray]) -> None:
-        super().__init__(environment)
-        self._disturb = disturb
-
-    def observation(self, observation: Any) -> Any:
-        """``[N] -> [N]``."""
-        return self._disturb(np.asarray(observation))
-
-
-def noisy(generator: np.random.Generator, severity: float) -> Callable[[np.ndarray], np.ndarray]:
+def noisy(generator: np.random.Generator, severity: float) -> Disturb:
     """Observation + N(0, severity)."""
     return lambda observation: observation + severity * generator.standard_normal(len(observation))
 
 
-def replaced(generator: np.random.Generator, indices: list[int], severity: float) -> Callable[[np.ndarray], np.ndarray]:
+def replaced(generator: np.random.Generator, indices: list[int], severity: float) -> Disturb:
     """One of the dimensions ``indices``, drawn once for the episode, is N(0, severity) at every step."""
     index = indices[int(generator.integers(len(indices)))]
 
@@ -100,13 +91,13 @@ def zero_synapses(actor: Actor, streams: Streams, severity: float) -> None:
 
 
 @torch.no_grad()
-def round_weights(actor: Actor, bits: int) -> None:
+def round_weights(actor: Actor, streams: Streams, bits: float) -> None:
     """Weights and bias of each layer in ``2^bits - 1`` steps from 0 to the largest magnitude, both signs alike.
 
     8 bits are ``round(w 255 / max|w, b|)``, the rounding of the PopSAN authors' port to Loihi, whose weights have
-    8 bits besides their sign.
+    8 bits besides their sign. Draws nothing.
     """
-    steps = 2**bits - 1
+    steps = 2 ** int(bits) - 1
     for _, weight, bias in weighted_layers(actor):
         parts: list[Tensor] = [weight] if bias is None else [weight, bias]
         largest = max(float(part.abs().max()) for part in parts)

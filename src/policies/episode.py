@@ -10,10 +10,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from src.policies.load import FRESH
 from src.policies.operations import OperationCounter, Operations, kind_of
 from src.policies.trace import Neurons, NotTraceable, Trace, trace
 from src.streams import Streams
+from src.training.evaluation import FRESH
 from src.training.policy_file import TrainedPolicy
 
 #: Called after the reset and after every step with the number of steps and the return so far.

@@ -28,8 +28,10 @@ from src.actors.population_encoder import PopulationEncoder
 from src.algorithms.networks import DeterministicPolicy
 from src.experiment.files import replace_file
 from src.policies.trace import Connections, Trace, trace
+from src.streams import Streams
 from src.training.evaluation import Evaluator
 from src.training.normalization import Normalizer
+from src.training.policy_file import load_policy
 
 OPERATIONS_FILE = "operations.json"
 Kind = Literal["MAC", "AC"]
@@ -69,18 +71,13 @@ def fan_out(connections: Connections) -> Tensor:
         return nonzero.flatten().long()
     if connections.exists is not None:
         return nonzero.sum(1).flatten()
-    if not connections.offsets:
-        return nonzero.sum(0)
-    return _lateral_sum(nonzero, connections.offsets)
+    return _lateral_sum(nonzero, connections.offsets) if connections.offsets else nonzero.sum(0)
 
 
 def synapses(connections: Connections) -> int:
     """How many weights there are; of a dendritic layer each synapse once, of a shared lateral weight one a neuron."""
-    if connections.exists is not None:
-        return int(connections.exists.sum())
-    if not connections.offsets:
-        return connections.weight.numel()
-    return int(_lateral_sum(torch.ones_like(connections.weight, dtype=torch.bool), connections.offsets).sum())
+    all_weights = torch.ones_like(connections.weight) if connections.exists is None else connections.exists
+    return int(fan_out(connections._replace(weight=all_weights)).sum())
 
 
 def _lateral_sum(marked: Tensor, offsets: tuple[int, ...]) -> Tensor:
@@ -174,6 +171,19 @@ def count_operations(
 
     episodes = evaluator.evaluate(act, step)
     return counter.operations(policy.actor, len(episodes))
+
+
+def count_again(path: Path) -> Operations:
+    """The operations of a final policy over the episodes of its run's last evaluation.
+
+    Raises:
+        NotTraceable: see :func:`src.policies.trace.trace`.
+    """
+    trained = load_policy(path)
+    config = trained.config
+    step = config.protocol.total_steps if trained.standing is None else trained.standing.step
+    evaluator = Evaluator(config.env, config.protocol.evaluation_episodes, Streams(config.seed))
+    return count_operations(trained.policy, trained.normalizer, evaluator, step)
 
 
 def write_operations(folder: Path, operations: Operations) -> Path:

@@ -5,11 +5,14 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-import gymnasium
+import numpy as np
+from gymnasium.wrappers import TransformObservation
 
 from src.actors.build import build_actor
 from src.algorithms.networks import DeterministicPolicy
@@ -17,13 +20,12 @@ from src.config.schema import ConfigurationError, SpikingActorConfig
 from src.experiment.files import replace_file
 from src.experiment.run_directory import ROBUSTNESS_FILE
 from src.policies import disturbances
-from src.policies.disturbances import DisturbedObservation, Joints
-from src.policies.load import FRESH, load_policy
+from src.policies.disturbances import Disturb
 from src.policies.trace import weighted_layers
 from src.streams import Streams
-from src.training.evaluation import Evaluator, Wrap
+from src.training.evaluation import FRESH, Evaluator, Wrap
 from src.training.gym_task import make_gym
-from src.training.policy_file import TrainedPolicy
+from src.training.policy_file import TrainedPolicy, load_policy
 
 COLUMNS = ("policy", "disturbance", "severity", "episode", "return", "length")
 NONE = "none"
@@ -36,6 +38,12 @@ SEVERITIES: dict[str, tuple[float, ...]] = {
     "zeroed synapses": (0.15, 0.3, 0.6),  # share of each layer
     "weight bits": (8.0, 4.0),
     "dead neurons": (0.1, 0.2, 0.4),  # share of each hidden layer
+}
+#: Disturbances of the weights.
+OF_WEIGHTS = {
+    "weight noise": disturbances.add_weight_noise,
+    "zeroed synapses": disturbances.zero_synapses,
+    "weight bits": disturbances.round_weights,
 }
 TIME_STEPS = "time steps"  # severity: how many more, or fewer, than the policy was trained with
 
@@ -61,7 +69,7 @@ def conditions(trained: TrainedPolicy) -> list[Condition]:
     for disturbance, severities in SEVERITIES.items():
         if disturbance == "dead neurons" and not disturbances.can_be_silenced(actor):
             continue
-        if disturbance in ("weight noise", "zeroed synapses", "weight bits") and not weighted_layers(actor):
+        if disturbance in OF_WEIGHTS and not weighted_layers(actor):
             continue
         found += [Condition(disturbance, severity) for severity in severities]
     if isinstance(config, SpikingActorConfig):
@@ -84,13 +92,9 @@ def play_condition(path: Path, condition: Condition, episodes: int, seed: int) -
         ConfigurationError: no such disturbance, or this actor or task can't have it.
     """
     trained = load_policy(path)  # a fresh copy: some conditions change its weights
-    config = replace(trained.config, protocol=replace(trained.config.protocol, evaluation_episodes=episodes))
     wrap = _disturb(trained, condition, Streams(seed)) if condition.severity else None
-    evaluator = Evaluator(config, Streams(seed), wrap)
-    try:
-        return Played(condition, evaluator.evaluate(trained.act, FRESH))
-    finally:
-        evaluator.close()
+    evaluator = Evaluator(trained.config.env, episodes, Streams(seed), wrap)
+    return Played(condition, evaluator.evaluate(trained.act, FRESH))
 
 
 def write(folder: Path, policy: str, played: list[Played]) -> Path:
@@ -112,43 +116,26 @@ def _disturb(trained: TrainedPolicy, condition: Condition, streams: Streams) -> 
     """Change the policy, or give the wrapper of its environments. Runs of different seeds draw differently."""
     kind, severity = condition
     draws = Streams(streams.integer("robustness", trained.config.seed))
-    actor = trained.policy.actor
-    if kind == "observation noise":
-        return _wrapper(draws, kind, lambda generator: disturbances.noisy(generator, severity))
-    if kind in ("joint position", "joint velocity"):
-        joints = _joints(trained)
-        indices = joints.positions if kind == "joint position" else joints.velocities
-        return _wrapper(draws, kind, lambda generator: disturbances.replaced(generator, indices, severity))
-    if kind == "weight noise":
-        disturbances.add_weight_noise(actor, draws, severity)
-    elif kind == "zeroed synapses":
-        disturbances.zero_synapses(actor, draws, severity)
-    elif kind == "weight bits":
-        disturbances.round_weights(actor, int(severity))
+    if kind in OF_WEIGHTS:
+        OF_WEIGHTS[kind](trained.policy.actor, draws, severity)
     elif kind == "dead neurons":
-        disturbances.silence_neurons(actor, draws, severity)
+        disturbances.silence_neurons(trained.policy.actor, draws, severity)
     elif kind == TIME_STEPS:
         _change_time_steps(trained, int(severity))
+    elif kind == "observation noise":
+        return _wrapper(draws, kind, partial(disturbances.noisy, severity=severity))
+    elif kind in ("joint position", "joint velocity"):
+        with closing(make_gym(trained.config.env)) as environment:
+            joints = disturbances.joints_of(environment)
+        indices = joints.positions if kind == "joint position" else joints.velocities
+        return _wrapper(draws, kind, partial(disturbances.replaced, indices=indices, severity=severity))
     else:
         raise ConfigurationError(f"there is no disturbance {kind!r}")
     return None
 
 
-def _wrapper(
-    draws: Streams, kind: str, make: Callable[..., Callable[..., object]]
-) -> Callable[[gymnasium.Env, int], gymnasium.Env]:
-    def wrap(environment: gymnasium.Env, episode: int) -> gymnasium.Env:
-        return DisturbedObservation(environment, make(draws.numpy(kind, episode)))  # type: ignore[arg-type]
-
-    return wrap
-
-
-def _joints(trained: TrainedPolicy) -> Joints:
-    environment = make_gym(trained.config.env)
-    try:
-        return disturbances.joints_of(environment)
-    finally:
-        environment.close()
+def _wrapper(draws: Streams, kind: str, make: Callable[[np.random.Generator], Disturb]) -> Wrap:
+    return lambda environment, episode: TransformObservation(environment, make(draws.numpy(kind, episode)), None)
 
 
 def _change_time_steps(trained: TrainedPolicy, difference: int) -> None:

@@ -12,6 +12,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Generator
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -40,32 +41,21 @@ _KEEP_EVERY = 10
 STRIP = 6
 
 
-def missing_encoder() -> str | None:
-    """One sentence where frames can't be encoded, else None."""
+def unavailable() -> str | None:
+    """Choose a renderer, before MuJoCo is imported: one sentence where there is none or no encoder, else None.
+
+    The user's MUJOCO_GL, else EGL or OSMesa. Each is tried in a process of its own: a renderer that fails takes its
+    process with it, and MuJoCo chooses one when it is imported, once.
+    """
     if importlib.util.find_spec("imageio_ffmpeg") is None:
         return "no video: the package imageio-ffmpeg is missing (pip install '.[video]')."
-    return None
-
-
-def choose_backend() -> str | None:
-    """What renders here: the user's MUJOCO_GL, else EGL or OSMesa; None where nothing does.
-
-    Each is tried in a process of its own: a renderer that fails takes its process with it, and MuJoCo chooses one
-    when it is imported, once.
-    """
     wanted = os.environ.get("MUJOCO_GL")
     for backend in (wanted,) if wanted else BACKENDS:
         environment = os.environ | {"MUJOCO_GL": backend}
         environment.pop("PYOPENGL_PLATFORM", None)
-        probe = subprocess.run([sys.executable, "-c", _PROBE], env=environment, capture_output=True)
-        if probe.returncode == 0:
-            return backend
-    return None
-
-
-def nothing_renders() -> str:
-    """The sentence for a machine where no backend works."""
-    wanted = os.environ.get("MUJOCO_GL")
+        if subprocess.run([sys.executable, "-c", _PROBE], env=environment, capture_output=True).returncode == 0:
+            os.environ["MUJOCO_GL"] = backend
+            return None
     tried = f"MUJOCO_GL={wanted}" if wanted else "EGL or OSMesa"
     return (
         f"no video: MuJoCo can't render by {tried} here; on Debian `apt-get install libegl1 libgl1-mesa-dri` "
@@ -76,11 +66,10 @@ def nothing_renders() -> str:
 def rendering(config: EnvConfig) -> EnvConfig:
     """The task with frames, from the camera that follows the body where its model has one."""
     kwargs: dict[str, Any] = {"render_mode": "rgb_array", "width": SIZE, "height": SIZE}
-    environment = make_gym(config)
-    model = environment.unwrapped.model  # type: ignore[attr-defined]
-    if _CAMERA in (model.camera(index).name for index in range(model.ncam)):
-        kwargs["camera_name"] = _CAMERA
-    environment.close()
+    with closing(make_gym(config)) as environment:
+        model = environment.unwrapped.model  # type: ignore[attr-defined]
+        if _CAMERA in (model.camera(index).name for index in range(model.ncam)):
+            kwargs["camera_name"] = _CAMERA
     return replace(config, kwargs=config.kwargs | kwargs)
 
 

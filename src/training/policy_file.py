@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -19,6 +19,7 @@ from src.config.validation import to_dict, validate
 from src.streams import Streams
 from src.training.checkpoint import read_archive, write_archive
 from src.training.normalization import Normalizer
+from src.training.numerics import set_numerics
 
 
 class PolicyRecord(NamedTuple):
@@ -61,7 +62,7 @@ class TrainedPolicy:
     """
 
     def __init__(self, path: Path) -> None:
-        content: dict[str, Any] = read_archive(path)
+        content = read_archive(path)
         self.config = validate(content["config"])
         actor = build_actor(self.config, content["observation_size"], content["action_size"], Streams(self.config.seed))
         actor.load_state_dict(content["actor"])
@@ -85,3 +86,13 @@ class TrainedPolicy:
         """Actions ``[B, M]`` for raw observations ``[B, N]``, in plain PyTorch."""
         action: Tensor = self.policy(self.normalizer.normalize(observation), generator)
         return action
+
+
+def load_policy(path: Path) -> TrainedPolicy:
+    """Read the file on one thread of the CPU, with the numerics of training.
+
+    Raises:
+        CorruptState: the file is not a whole policy file.
+    """
+    set_numerics(threads=1)
+    return TrainedPolicy(path)

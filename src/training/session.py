@@ -82,7 +82,7 @@ class TrainingSession:
         self.random_actions = self.streams.torch("random actions")
         log = TransitionLog(run.state / REPLAY_FILE, config.protocol.total_steps, *self.sizes)
         self.replay = Replay(log, config.algo.replay_capacity, self.streams.torch("replay"))
-        self.evaluator = Evaluator(config, self.streams)
+        self.evaluator = Evaluator(config.env, config.protocol.evaluation_episodes, self.streams)
         self.interval = IntervalMeans()
         self.interval_seconds = 0.0
         self.rate = 0.0  # environment steps per second, for display

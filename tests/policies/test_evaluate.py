@@ -11,7 +11,7 @@ from scipy import stats
 
 from src import evaluate
 from src.config.schema import ConfigurationError
-from src.policies.find import BEST, policy_path
+from src.policies.command import BEST, policy_path
 
 
 def test_the_summary_is_mean_deviation_and_t_interval() -> None:

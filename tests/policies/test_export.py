@@ -13,11 +13,10 @@ from src.actors.spike_coding import poisson_draws
 from src.config.schema import ConfigurationError
 from src.policies.export_nir import refuse
 from src.policies.export_onnx import PlainPolicy
-from src.policies.load import load_policy
 from src.policies.trace import trace
 from src.streams import Streams
 from src.training.evaluation import Evaluator
-from src.training.policy_file import TrainedPolicy
+from src.training.policy_file import TrainedPolicy, load_policy
 from tests.helpers import tiny
 from tests.training.test_session import run
 
@@ -48,7 +47,7 @@ def observations(trained: TrainedPolicy, count: int) -> torch.Tensor:
 
     step = 0
     while sum(map(len, seen)) < count:
-        Evaluator(trained.config, Streams(7)).evaluate(act, step)
+        Evaluator(trained.config.env, 2, Streams(7)).evaluate(act, step)
         step += 1
     return torch.cat(seen)[:count]
 

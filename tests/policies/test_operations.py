@@ -14,8 +14,7 @@ from src.actors.actor import Actor
 from src.actors.build import build_actor
 from src.actors.population_encoder import PopulationEncoder
 from src.experiment.run_directory import RunDirectory
-from src.policies.load import count_again
-from src.policies.operations import OperationCounter, fan_out, kind_of, synapses, write_operations
+from src.policies.operations import OperationCounter, count_again, fan_out, kind_of, synapses, write_operations
 from src.policies.trace import Connections, Neurons, NotTraceable, Trace, trace
 from src.streams import Streams
 from tests.actors.configuration import configuration

@@ -16,11 +16,11 @@ from src.actors.actor import Actor
 from src.actors.build import build_actor
 from src.config.schema import ConfigurationError
 from src.policies import disturbances, robustness
-from src.policies.load import load_policy
 from src.policies.robustness import SEVERITIES, TIME_STEPS, Condition, play_condition
 from src.policies.trace import trace, weighted_layers
 from src.streams import Streams
 from src.training.gym_task import make_gym
+from src.training.policy_file import load_policy
 from tests.actors.configuration import configuration
 from tests.helpers import make_config, tiny
 from tests.training.test_session import run
@@ -85,7 +85,7 @@ def test_the_share_of_zeroed_synapses_is_that_of_every_layer_and_a_larger_one_ho
 def test_rounded_weights_are_loihis(actor: str, bits: int) -> None:
     """round(w 255 / max|w, b|), and 15 for 255 with 4 bits."""
     network, rounded = built(actor), built(actor)
-    disturbances.round_weights(rounded, bits)
+    disturbances.round_weights(rounded, Streams(0), bits)
     for (name, weight, bias), after in zip(weighted_layers(network), weighted_layers(rounded), strict=True):
         parts = [weight] if bias is None else [weight, bias]
         largest = max(float(part.detach().abs().max()) for part in parts)

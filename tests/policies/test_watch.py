@@ -14,8 +14,8 @@ from PIL import Image
 from src import evaluate, watch
 from src.policies import raster, summary, video
 from src.policies.episode import Episode, Population, play_episode
-from src.policies.load import load_policy
 from src.training.gym_task import make_gym
+from src.training.policy_file import load_policy
 from tests.helpers import tiny
 from tests.training.test_session import run
 
@@ -69,7 +69,7 @@ def test_the_text_counts_neurons_that_are_always_and_never_on() -> None:
 def test_a_missing_encoder_is_one_sentence_and_the_raster_is_written(
     tiny_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(video, "missing_encoder", lambda: "no video: the package imageio-ffmpeg is missing.")
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     assert watch.main([str(tiny_run), "--output", str(tmp_path)]) == 0
     assert "imageio-ffmpeg is missing" in capsys.readouterr().out
     assert (tmp_path / "raster.png").exists() and not (tmp_path / "episode.mp4").exists()
@@ -77,8 +77,8 @@ def test_a_missing_encoder_is_one_sentence_and_the_raster_is_written(
 
 def test_where_nothing_renders_the_packages_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MUJOCO_GL", "disabled")
-    assert video.choose_backend() is None
-    assert re.search("libegl1.*libosmesa6", video.nothing_renders())
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: name)
+    assert re.search("MUJOCO_GL=disabled.*libegl1.*libosmesa6", video.unavailable() or "")
 
 
 def test_the_camera_follows_the_body(tmp_path: Path) -> None:
@@ -103,8 +103,8 @@ def test_the_floor_has_no_end_in_the_film_and_is_the_same_to_the_body(tmp_path: 
 def test_the_film_has_a_frame_for_every_step(tiny_run: Path, tmp_path: Path) -> None:
     """In a process of its own: MuJoCo chooses its renderer when it is imported."""
     imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
-    if video.choose_backend() is None:
-        pytest.skip(video.nothing_renders())
+    if without := video.unavailable():
+        pytest.skip(without)
     command = [sys.executable, "-m", "src.watch", str(tiny_run), "--output", str(tmp_path)]
     subprocess.run(command, check=True, capture_output=True)
     frames, _ = imageio_ffmpeg.count_frames_and_secs(str(tmp_path / "episode.mp4"))

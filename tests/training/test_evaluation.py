@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -19,10 +17,7 @@ from tests.training.tasks import task
 
 
 def evaluator(name: str = "hopper", episodes: int = 4, seed: int = 0, limit: int = 80) -> Evaluator:
-    config: Any = SimpleNamespace(
-        env=task(name, max_episode_steps=limit), protocol=SimpleNamespace(evaluation_episodes=episodes)
-    )
-    return Evaluator(config, Streams(seed))
+    return Evaluator(task(name, max_episode_steps=limit), episodes, Streams(seed))
 
 
 def act(observations: torch.Tensor, generator: torch.Generator) -> torch.Tensor:

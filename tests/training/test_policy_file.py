@@ -28,7 +28,7 @@ def test_the_policy_file_alone_replays_the_last_evaluation(finished: Path) -> No
     table = pd.read_csv(finished / "evaluations.csv")
     last = table[table["step"] == table["step"].max()]
     act, step = trained.on_training_backend(), int(last["step"].iloc[0])
-    again = Evaluator(trained.config, Streams(trained.config.seed)).evaluate(act, step)
+    again = Evaluator(trained.config.env, 2, Streams(trained.config.seed)).evaluate(act, step)
     assert [r for r, _ in again] == last["return"].tolist()
 
 
