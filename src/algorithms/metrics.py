@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from src.actors.health import ActorHealth
+from src.actors.health import ActorHealth, LayerHealth
 
 METRICS = ("critic_loss", "actor_loss", "q1", "q2", "log_probability", "actor_gradient_norm")
 
@@ -17,7 +17,7 @@ def health_columns(spiking_layers: int) -> list[str]:
     """Columns of ``training.csv`` for an actor with this many spiking layers; none for an actor without."""
     if spiking_layers == 0:
         return []
-    names = ("firing_rate", "window_share", "always_on", "never_on", "gradient_norm")
+    names = (*LayerHealth._fields, "gradient_norm")
     return ["input_firing_rate", *(f"layer{k}_{name}" for k in range(1, spiking_layers + 1) for name in names)]
 
 
@@ -60,10 +60,8 @@ class BurstRecord:
         if health.input_firing_rate is not None:
             self.health["input_firing_rate"] = float(health.input_firing_rate)
         for k, (layer, gradients) in enumerate(zip(health.layers, gradients_per_layer), start=1):
-            self.health[f"layer{k}_firing_rate"] = float(layer.firing_rate)
-            self.health[f"layer{k}_window_share"] = float(layer.window_share)
-            self.health[f"layer{k}_always_on"] = float(layer.always_on)
-            self.health[f"layer{k}_never_on"] = float(layer.never_on)
+            for name, value in layer._asdict().items():
+                self.health[f"layer{k}_{name}"] = float(value)
             norms = [gradient.norm() for gradient in gradients]
             self.health[f"layer{k}_gradient_norm"] = float(torch.stack(norms).norm()) if norms else 0.0
 

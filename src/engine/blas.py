@@ -23,8 +23,8 @@ from typing import Literal, NamedTuple
 import torch
 
 Choice = Literal["auto", "mkl", "openblas"]
-#: Environment variables that make OpenBLAS take another kernel than the processor's own.
-OVERRIDES = ("OPENBLAS_CORETYPE",)
+#: The environment variable that makes OpenBLAS take other kernels than the processor's own.
+OVERRIDE = "OPENBLAS_CORETYPE"
 
 
 class BLASUnavailableError(ValueError):
@@ -82,13 +82,12 @@ def sgemm_address() -> int:
 
 def held_back() -> str | None:
     """One sentence where an environment variable makes OpenBLAS take slower kernels than this processor has."""
-    held = {name: os.environ[name] for name in OVERRIDES if os.environ.get(name)}
-    if _name() != "openblas" or not held:
+    setting = os.environ.get(OVERRIDE)
+    if _name() != "openblas" or not setting:
         return None
-    settings = " ".join(f"{name}={value}" for name, value in held.items())
     return (
-        f"OpenBLAS runs its {library().architecture} kernels because of {settings}; on a processor with AVX-512 that "
-        f"costs about half of the speed of training. To run without it: env {' '.join(f'-u {n}' for n in held)} "
+        f"OpenBLAS runs its {library().architecture} kernels because of {OVERRIDE}={setting}; on a processor with "
+        f"AVX-512 that costs about half of the speed of training. To run without it: env -u {OVERRIDE} "
         "python -m src.run ..."
     )
 

@@ -1,7 +1,7 @@
 """Receptive fields and spike coding: :mod:`src.actors.population_encoder` and :mod:`src.actors.spike_coding`.
 
 The exponential is PyTorch's, so that strengths are its own bit for bit. Poisson coding's numbers are those of
-:mod:`src.actors.philox`.
+:mod:`src.actors.philox`. Constants are repeated here: the cache of machine code goes by the engine's sources alone.
 """
 
 from __future__ import annotations

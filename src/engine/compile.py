@@ -14,19 +14,14 @@ from src.engine.jit import KERNELS, cache_folder
 
 
 def main() -> None:
-    """Compile, and say how long it took."""
+    """Compile, delete the machine code of older sources, and say how long it took."""
     started = time.perf_counter()
     for kernel in KERNELS.values():
         kernel.compile()
-    _forget_older_versions()
-    print(f"{len(KERNELS)} kernels compiled in {time.perf_counter() - started:.0f} s")
-
-
-def _forget_older_versions() -> None:
-    """Delete the machine code of other versions of the sources, where the cache is this checkout's own."""
     for folder in (Path(__file__).parent / "__pycache__").glob("kernels-*"):
-        if folder != cache_folder():
+        if folder != cache_folder():  # of other versions of the sources, where the cache is this checkout's own
             shutil.rmtree(folder, ignore_errors=True)
+    print(f"{len(KERNELS)} kernels compiled in {time.perf_counter() - started:.0f} s")
 
 
 if __name__ == "__main__":

@@ -9,9 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numba import float32, int64, void
 
-from src.engine import rows
 from src.engine.jit import inner, kernel
-from src.engine.lif import scan, scan_gradient
+from src.engine.lif import ZERO, add, copy, fill, scan, scan_gradient
 from src.engine.primitives import aligned, bytes_, floats, product
 from src.engine.records import CONSTANTS_ARRAY, SPIKING_LAYERS, SPIKING_PASSES, SPIKING_TRACES
 
@@ -24,7 +23,7 @@ def expand_branches(weight, branch, branch_weights):  # type: ignore[no-untyped-
             source, own, target = weight[j], branch[j], branch_weights[m, j]
             for i in range(source.shape[0]):
                 value = source[i]  # loaded unconditionally, or the loop is not SIMD
-                target[i] = value if own[i] == np.int8(m) else rows.ZERO
+                target[i] = value if own[i] == np.int8(m) else ZERO
 
 
 @inner
@@ -84,9 +83,9 @@ def network_forward(passes, layers, traces, all_constants, offsets):  # type: ig
     for g in range(groups):
         for b in range(samples):
             rate = rates[g * samples + b]
-            rows.fill(rate, rows.ZERO)
+            fill(rate, ZERO)
             for t in range(steps):
-                rows.add(rate, by_step[g, t, b])
+                add(rate, by_step[g, t, b])
             for j in range(n):
                 rate[j] = rate[j] / np.float32(steps)
 
@@ -105,11 +104,11 @@ def _layer_backward(this, grad, x, layer, trace, constants, offsets, coding_grad
     grad_bias = np.empty(n, np.float32) if by_branch else floats(layer["grad_bias"], (n,))
     grad_lateral = floats(layer["grad_lateral"], (neighbours, n))
     grad_weight = floats(layer["grad_weight"], (n, inputs))
-    rows.fill(grad_bias, rows.ZERO)
+    fill(grad_bias, ZERO)
     for m in range(grad_branch_bias.shape[0]):
-        rows.fill(grad_branch_bias[m], rows.ZERO)
+        fill(grad_branch_bias[m], ZERO)
     for neighbour in range(neighbours):
-        rows.fill(grad_lateral[neighbour], rows.ZERO)
+        fill(grad_lateral[neighbour], ZERO)
     if branches == 1:  # in place of that to the spikes
         grad_currents = grad.reshape(steps * samples, n)
     else:
@@ -158,7 +157,7 @@ def network_backward(passes, layers, traces, all_constants, offsets, coding_grad
             for p in range(decoder.shape[1]):
                 grad[0, b, m * decoder.shape[1] + p] = grad_raw[b, m] * decoder[m, p] / np.float32(steps)
     for t in range(1, steps):
-        rows.copy(grad[t].reshape(samples * n), grad[0].reshape(samples * n))
+        copy(grad[t].reshape(samples * n), grad[0].reshape(samples * n))
     for k in range(last, 0, -1):
         inputs = layers[k]["inputs"]
         x = floats(traces[k - 1]["spikes"], (groups, steps * samples, inputs))[-1]
