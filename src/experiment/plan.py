@@ -157,13 +157,9 @@ def build_task(task: EnvConfig) -> None:
     Raises:
         ConfigurationError: that can't be done on this machine, or the task is none that a run can be saved on.
     """
-    from src.training.gym_task import is_mujoco, make_gym  # Gymnasium takes a while to import
+    from src.training.gym_task import make_gym  # Gymnasium takes a while to import
 
     with closing(make_gym(task)) as environment:
-        if not is_mujoco(environment):
-            raise ConfigurationError(
-                f"env.id: {task.id} is no MuJoCo task of Gymnasium, so a run on it could not be saved and resumed."
-            )
         try:
             environment.reset(seed=0)
             environment.step(environment.action_space.sample() * 0)

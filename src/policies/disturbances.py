@@ -18,9 +18,11 @@ from torch import Tensor
 
 from src.actors.actor import Actor
 from src.actors.lif import LIFConstants
+from src.actors.mlp import MLPActor
+from src.actors.population_mlp_actor import PopulationMLPActor
 from src.actors.spiking_actor import SpikingActor
 from src.config.schema import ConfigurationError
-from src.policies.trace import is_perceptron, is_population_perceptron, is_spiking, weighted_layers
+from src.policies.trace import computes_as, weighted_layers
 from src.streams import Streams
 
 #: A bias at which no neuron fires and no ReLU opens.
@@ -108,9 +110,9 @@ def round_weights(actor: Actor, streams: Streams, bits: float) -> None:
 
 def can_be_silenced(actor: Actor) -> bool:
     """Whether a low enough bias silences its neurons: not dynamic ones, whose potential is squared, nor unknown."""
-    if isinstance(actor, SpikingActor) and is_spiking(actor):
+    if computes_as(actor, SpikingActor):
         return all(isinstance(layer.constants, LIFConstants) for layer in actor.spiking_layers())
-    return is_perceptron(actor) or is_population_perceptron(actor)
+    return computes_as(actor, MLPActor) or computes_as(actor, PopulationMLPActor)
 
 
 @torch.no_grad()
@@ -123,8 +125,8 @@ def silence_neurons(actor: Actor, streams: Streams, severity: float) -> None:
     if not can_be_silenced(actor):
         raise ConfigurationError(f"{type(actor).__name__}: it is not known how to silence its neurons.")
     hidden = [layer for layer in weighted_layers(actor) if layer.bias is not None]
-    hidden = hidden[: -1 if is_perceptron(actor) else -2]  # without output population and decoder, or the linear output
-    for name, _, bias in hidden:
+    spared = 1 if computes_as(actor, MLPActor) else 2  # the linear output, or output population and decoder
+    for name, _, bias in hidden[:-spared]:
         assert bias is not None
         dead = torch.rand(bias.shape[-1], generator=streams.torch("dead neurons", name)) < severity
         bias[..., dead] = SILENT

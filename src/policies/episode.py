@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import gymnasium
 import numpy as np
 import torch
-from torch import Tensor
 
 from src.policies.operations import OperationCounter, Operations, kind_of
 from src.policies.trace import Neurons, NotTraceable, Trace, trace
@@ -50,43 +49,25 @@ class Episode:
         return float(sum(self.rewards.tolist()))
 
 
-class _Recorder:
-    """Collects the traces of an episode."""
+def _layers(seen: Trace) -> list[Neurons]:
+    """The input and every layer of neurons."""
+    inputs = seen.connections[0].inputs
+    has_spikes = kind_of(inputs) == "AC" and any(layer.potentials is not None for layer in seen.neurons)
+    # analog input is the same at every time step
+    of_input = Neurons("input", inputs, inputs) if has_spikes else Neurons("input", inputs[:1])
+    return [of_input, *seen.neurons]
 
-    def __init__(self, decisions: int) -> None:
-        self.decisions = decisions
-        self.counter = OperationCounter()
-        self.first: dict[str, list[Tensor]] = {}
-        self.rates: dict[str, list[Tensor]] = {}
-        self.spiking: dict[str, bool] = {}
-        self.time_steps: dict[str, int] = {}
 
-    def add(self, seen: Trace) -> None:
-        inputs = seen.connections[0].inputs
-        has_spikes = kind_of(inputs) == "AC" and any(layer.potentials is not None for layer in seen.neurons)
-        # analog input is the same at every time step
-        of_input = Neurons("input", inputs, inputs) if has_spikes else Neurons("input", inputs[:1])
-        layers = [of_input, *seen.neurons]
-        if self.counter.decisions < self.decisions:
-            for layer in layers:
-                self.first.setdefault(layer.name, []).append(layer.activations[:, 0])
-        for layer in layers:
-            self.rates.setdefault(layer.name, []).append(layer.activations[:, 0].mean(0))
-            self.spiking[layer.name] = layer.potentials is not None
-            self.time_steps[layer.name] = len(layer.activations)
-        self.counter.add(seen)
-
-    def populations(self) -> list[Population]:
-        return [
-            Population(
-                name,
-                self.spiking[name],
-                self.time_steps[name],
-                torch.cat(self.first[name]).numpy(),
-                torch.stack(rates).numpy(),
-            )
-            for name, rates in self.rates.items()
-        ]
+def _population(layers: Sequence[Neurons], decisions: int) -> Population:
+    """One layer over the decisions of the episode, every time step of the first ``decisions``."""
+    name, activations, potentials = layers[0]
+    return Population(
+        name,
+        potentials is not None,
+        len(activations),
+        torch.cat([each.activations[:, 0] for each in layers[:decisions]]).numpy(),
+        torch.stack([each.activations[:, 0].mean(0) for each in layers]).numpy(),
+    )
 
 
 def play_episode(
@@ -103,7 +84,8 @@ def play_episode(
     """
     streams = Streams(seed)
     generator, of_trace = streams.torch("evaluation encoder", FRESH), torch.Generator()
-    recorder: _Recorder | None = _Recorder(decisions)
+    counter: OperationCounter | None = OperationCounter()
+    seen: list[list[Neurons]] = []  # by decision
     actions, rewards = [], []
     observation, _ = environment.reset(seed=streams.integer("evaluation", FRESH, 0))
     ended, total = False, 0.0
@@ -114,11 +96,13 @@ def play_episode(
             batch = torch.from_numpy(np.asarray(observation, np.float32)).unsqueeze(0)
             of_trace.set_state(generator.get_state())
             action = trained.act(batch, generator)[0].numpy()
-            if recorder is not None:
+            if counter is not None:
                 try:
-                    recorder.add(trace(trained.policy.actor, trained.normalizer.normalize(batch), of_trace))
+                    decision = trace(trained.policy.actor, trained.normalizer.normalize(batch), of_trace)
+                    counter.add(decision)
+                    seen.append(_layers(decision))
                 except NotTraceable:
-                    recorder = None
+                    counter = None
             observation, reward, terminated, truncated, _ = environment.step(action)
             ended = bool(terminated or truncated)
             actions.append(action)
@@ -127,7 +111,7 @@ def play_episode(
             if on_step is not None:
                 on_step(len(rewards), total)
     episode = Episode(np.stack(actions), np.asarray(rewards, np.float64))
-    if recorder is not None:
-        episode.populations = recorder.populations()
-        episode.operations = recorder.counter.operations(trained.policy.actor, episodes=1)
+    if counter is not None:
+        episode.populations = [_population(layers, decisions) for layers in zip(*seen)]
+        episode.operations = counter.operations(trained.policy.actor, episodes=1)
     return episode

@@ -25,7 +25,7 @@ from src.actors.decoder import MembraneReadout
 from src.actors.lif import LIFConstants
 from src.actors.spiking_actor import SpikingActor
 from src.config.schema import ConfigurationError
-from src.policies.trace import is_spiking
+from src.policies.trace import computes_as
 from src.training.policy_file import TrainedPolicy
 
 #: Seconds of a time step: NIR counts in seconds, and simulators (snnTorch, Norse) read it in steps of this length.
@@ -66,7 +66,7 @@ def refuse(trained: TrainedPolicy) -> None:
     """Raise ConfigurationError where NIR has no word for a part of the actor, or the input is no spikes."""
     actor = trained.policy.actor
     name = trained.config.actor.name
-    if not is_spiking(actor):
+    if not computes_as(actor, SpikingActor):
         raise ConfigurationError(
             f"{name}: is no population-coded spiking network, which --to nir takes; use --to onnx."
         )

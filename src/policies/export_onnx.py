@@ -17,10 +17,9 @@ from torch import Tensor, nn
 from src.actors.spike_coding import deterministic_spikes
 from src.actors.spiking_actor import SpikingActor
 from src.config.schema import ConfigurationError
-from src.policies.trace import is_spiking
+from src.policies.trace import computes_as
 from src.training.policy_file import TrainedPolicy
 
-ONNX_FILE = "policy.onnx"
 _OPSET = 17
 
 
@@ -36,12 +35,12 @@ class PlainPolicy(nn.Module):
         self.actor = trained.policy.actor
         self.limit = trained.policy.action_limit
         self.normalizer = trained.normalizer
-        self.draws = is_spiking(self.actor) and trained.config.encoder.coding == "poisson"
+        self.draws = computes_as(self.actor, SpikingActor) and trained.config.encoder.coding == "poisson"
 
     def forward(self, observation: Tensor, uniform: Tensor | None = None) -> Tensor:
         """Actions ``[B, M]`` for raw observations ``[B, N]``; Poisson coding takes uniform numbers ``[T, B, N*J]``."""
         x = self.normalizer.normalize(observation)
-        if is_spiking(self.actor):
+        if computes_as(self.actor, SpikingActor):
             raw = self._spiking(self.actor, x, uniform)
         else:
             raw = self.actor(x)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import NamedTuple, TypeGuard
+from typing import NamedTuple, TypeGuard, TypeVar
 
 import torch
 from torch import Tensor, nn
@@ -19,6 +19,8 @@ from src.actors.decoder import MembraneReadout
 from src.actors.mlp import EnsembleMLP, MLPActor
 from src.actors.population_mlp_actor import PopulationMLPActor
 from src.actors.spiking_actor import SpikingActor
+
+A = TypeVar("A", bound=Actor)
 
 
 class Connections(NamedTuple):
@@ -58,19 +60,9 @@ class NotTraceable(ValueError):
     """Nothing is known of this actor's insides; the message says why."""
 
 
-def is_spiking(actor: Actor) -> TypeGuard[SpikingActor]:
-    """Whether it computes what :class:`SpikingActor` does (a subclass with a ``forward`` of its own does not)."""
-    return isinstance(actor, SpikingActor) and type(actor).forward is SpikingActor.forward
-
-
-def is_perceptron(actor: Actor) -> TypeGuard[MLPActor]:
-    """Whether it computes what :class:`MLPActor` does."""
-    return isinstance(actor, MLPActor) and type(actor).forward is MLPActor.forward
-
-
-def is_population_perceptron(actor: Actor) -> TypeGuard[PopulationMLPActor]:
-    """Whether it computes what :class:`PopulationMLPActor` does."""
-    return isinstance(actor, PopulationMLPActor) and type(actor).forward is PopulationMLPActor.forward
+def computes_as(actor: Actor, kind: type[A]) -> TypeGuard[A]:
+    """Whether it computes what this class of actors does (a subclass with a ``forward`` of its own does not)."""
+    return isinstance(actor, kind) and type(actor).forward is kind.forward
 
 
 @torch.no_grad()
@@ -83,11 +75,11 @@ def trace(actor: Actor, observation: Tensor, generator: torch.Generator | None =
     Raises:
         NotTraceable: such an actor calls no ``nn.Linear`` layer.
     """
-    if is_spiking(actor):
+    if computes_as(actor, SpikingActor):
         return _spiking(actor, observation, generator)
-    if is_perceptron(actor):
+    if computes_as(actor, MLPActor):
         return _perceptron(actor, observation)
-    if is_population_perceptron(actor):
+    if computes_as(actor, PopulationMLPActor):
         return _population_perceptron(actor, observation)
     return _unknown(actor, observation, generator)
 
@@ -107,15 +99,15 @@ class Layer(NamedTuple):
 
 def weighted_layers(actor: Actor) -> list[Layer]:
     """Every connection layer in the order of the data; of an unknown actor its ``nn.Linear`` layers."""
-    if is_perceptron(actor):
+    if computes_as(actor, MLPActor):
         return [
             Layer(f"layer{n}", *parts)
             for n, parts in enumerate(_layers_of(actor.hidden) + _layers_of(actor.output), start=1)
         ]
-    if is_population_perceptron(actor):
+    if computes_as(actor, PopulationMLPActor):
         hidden = [Layer(f"layer{n}", *parts) for n, parts in enumerate(_layers_of(actor.hidden), start=1)]
         return [*hidden, Layer("decoder", actor.decoder.weight, actor.decoder.bias)]
-    if not is_spiking(actor):
+    if not computes_as(actor, SpikingActor):
         linear = [(name, module) for name, module in actor.named_modules() if isinstance(module, nn.Linear)]
         return [Layer(name, module.weight, module.bias) for name, module in linear]
     layers = []

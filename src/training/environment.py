@@ -16,9 +16,10 @@ from tensordict import TensorDict, TensorDictBase
 from torchrl.data import Binary, Bounded, Composite, Unbounded
 from torchrl.envs import EnvBase
 
-from src.config.schema import ConfigurationError, EnvConfig
+from src.config.schema import EnvConfig
+from src.training import simulator_state
 from src.training.checkpoint import CorruptState
-from src.training.gym_task import action_limit, is_mujoco, make_gym, sizes
+from src.training.gym_task import box, make_gym
 
 _CPU = torch.device("cpu")
 _NO_BATCH = torch.Size([])
@@ -49,23 +50,16 @@ class TrainingEnvironment(EnvBase):
         seed: seeds the next ``reset()``; the episodes after it follow from the task's own generator.
 
     Raises:
-        ConfigurationError: as :func:`make_gym`, or the task's simulator is not MuJoCo (its state could not be saved).
+        ConfigurationError: as :func:`make_gym`.
     """
 
     def __init__(self, config: EnvConfig, seed: int | None = None) -> None:
         super().__init__(device=_CPU, batch_size=_NO_BATCH)
-        self.config = config
         self._gym = make_gym(config)
         self.is_closed = False
-        from src.training import simulator_state  # after make_gym, which says clearly when MuJoCo is missing
-
-        if not is_mujoco(self._gym):
-            raise ConfigurationError(
-                f"env.id: {config.id} is no MuJoCo task of Gymnasium, so a run on it could not be saved and resumed."
-            )
-        self._simulator = simulator_state
-        self.observation_size, self.action_size = sizes(config)
-        self.action_limit = action_limit(self._gym)
+        actions = box(self._gym.action_space)
+        self.observation_size, self.action_size = box(self._gym.observation_space).shape[0], actions.shape[0]
+        self.action_limit = float(actions.high[0])
         self._declare_specs()
         self._next_seed = seed
         self._pending_state: dict[str, Any] | None = None
@@ -85,7 +79,7 @@ class TrainingEnvironment(EnvBase):
 
     def save_state(self) -> dict[str, Any]:
         """The environment between two steps: tensors, numbers and strings (``torch.load(weights_only=True)``)."""
-        state = self._simulator.capture(self._gym)
+        state = simulator_state.capture(self._gym)
         state["observation"] = self._episode.observation.clone()
         state["episode_return"] = self._episode.episode_return
         state["episode_length"] = self._episode.length
@@ -108,7 +102,7 @@ class TrainingEnvironment(EnvBase):
         return self._before_step()
 
     def _resumed(self, state: dict[str, Any]) -> _Episode:
-        self._simulator.restore(self._gym, state)
+        simulator_state.restore(self._gym, state)
         try:
             observation = state["observation"].clone()
             if observation.shape != (self.observation_size,) or observation.dtype != torch.float32:

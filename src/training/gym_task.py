@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import logging
 import warnings
-from typing import Any
+from contextlib import closing
 
 import gymnasium
 import numpy as np
 from gymnasium import spaces
+from gymnasium.wrappers import TransformObservation
 
 from src.config.schema import ConfigurationError, EnvConfig
 
@@ -25,8 +26,8 @@ def make_gym(config: EnvConfig) -> gymnasium.Env:
     """The task as plain Gymnasium: observations float64 [N], actions in a symmetric box [M], truncated at the limit.
 
     Raises:
-        ConfigurationError: the task (or MuJoCo) is not installed, its arguments are wrong, or its spaces are not
-            what an actor of continuous actions needs.
+        ConfigurationError: the task (or MuJoCo) is not installed, its arguments are wrong, its spaces are not what an
+            actor of continuous actions needs, or its simulator is not MuJoCo (its state could not be saved).
     """
     _quiet_mujoco()
     try:
@@ -35,14 +36,15 @@ def make_gym(config: EnvConfig) -> gymnasium.Env:
             environment = gymnasium.make(
                 config.id, max_episode_steps=config.max_episode_steps, disable_env_checker=True, **config.kwargs
             )
+        from gymnasium.envs.mujoco import MujocoEnv
     except gymnasium.error.DependencyNotInstalled as error:
         raise ConfigurationError(f"env.id: {config.id} needs a package that is not installed: {error}") from None
     except (gymnasium.error.Error, ImportError) as error:
         raise ConfigurationError(f"env.id: Gymnasium has no task {config.id}: {error}") from None
     except TypeError as error:
         raise ConfigurationError(f"env.kwargs: {config.id} does not take {config.kwargs}: {error}") from None
-    _check_spaces(config, environment)
-    return ZeroPadding(environment, config.zero_padding) if config.zero_padding else environment
+    _check_task(config, environment, MujocoEnv)
+    return _zero_padded(environment, config.zero_padding) if config.zero_padding else environment
 
 
 def sizes(config: EnvConfig) -> tuple[int, int]:
@@ -51,49 +53,25 @@ def sizes(config: EnvConfig) -> tuple[int, int]:
     Raises:
         ConfigurationError: as :func:`make_gym`.
     """
-    environment = make_gym(config)
-    try:
-        return _size(environment.observation_space), _size(environment.action_space)
-    finally:
-        environment.close()
+    with closing(make_gym(config)) as environment:
+        return box(environment.observation_space).shape[0], box(environment.action_space).shape[0]
 
 
-def is_mujoco(environment: gymnasium.Env) -> bool:
-    """Whether the task's simulator is one whose state can be saved."""
-    try:
-        from gymnasium.envs.mujoco import MujocoEnv
-    except ImportError:
-        return False
-    return isinstance(environment.unwrapped, MujocoEnv)
-
-
-def action_limit(environment: gymnasium.Env) -> float:
-    """The bound ``b`` of the symmetric box ``[-b, b]^M``."""
-    space = environment.action_space
+def box(space: spaces.Space) -> spaces.Box:
+    """The observation space ``[N]`` or the action space ``[-b, b]^M`` of a task of :func:`make_gym`."""
     assert isinstance(space, spaces.Box)
-    return float(space.high[0])
+    return space
 
 
-class ZeroPadding(gymnasium.ObservationWrapper):
+def _zero_padded(environment: gymnasium.Env, padding: int) -> gymnasium.Env:
     """Constant zeros appended to the observation: [N] -> [N + padding]."""
-
-    def __init__(self, environment: gymnasium.Env, padding: int) -> None:
-        super().__init__(environment)
-        self._zeros = np.zeros(padding)
-        size = _size(environment.observation_space) + padding
-        self.observation_space = spaces.Box(-np.inf, np.inf, (size,), np.float64)
-
-    def observation(self, observation: Any) -> Any:
-        """[N] -> [N + padding]."""
-        return np.concatenate((observation, self._zeros))
+    zeros = np.zeros(padding)
+    size = box(environment.observation_space).shape[0] + padding
+    space = spaces.Box(-np.inf, np.inf, (size,), np.float64)
+    return TransformObservation(environment, lambda observation: np.concatenate((observation, zeros)), space)
 
 
-def _size(space: spaces.Space) -> int:
-    assert space.shape is not None
-    return int(space.shape[0])
-
-
-def _check_spaces(config: EnvConfig, environment: gymnasium.Env) -> None:
+def _check_task(config: EnvConfig, environment: gymnasium.Env, mujoco_task: type) -> None:
     observations, actions = environment.observation_space, environment.action_space
     if not isinstance(observations, spaces.Box) or len(observations.shape) != 1:
         raise ConfigurationError(f"env.id: {config.id} observes {observations}; the actors take vectors of numbers.")
@@ -104,6 +82,10 @@ def _check_spaces(config: EnvConfig, environment: gymnasium.Env) -> None:
         raise ConfigurationError(
             f"env.id: {config.id} acts between {actions.low} and {high}; "
             "the actors need one finite limit, the same for all dimensions and both signs."
+        )
+    if not isinstance(environment.unwrapped, mujoco_task):
+        raise ConfigurationError(
+            f"env.id: {config.id} is no MuJoCo task of Gymnasium, so a run on it could not be saved and resumed."
         )
 
 

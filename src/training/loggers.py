@@ -10,7 +10,7 @@ import secrets
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from src.config.schema import ConfigurationError, ExperimentConfig
 from src.config.validation import to_dict
@@ -23,8 +23,8 @@ WANDB_ID = "wandb-id"
 _WANDB_NAME_LENGTH = 128  # the most that its server takes
 
 
-class Logger(Protocol):
-    """Takes points of scalar curves."""
+class Logger:
+    """Takes points of scalar curves; this one, of ``logger=none``, drops them."""
 
     def write(self, step: int, values: Mapping[str, float | None]) -> None:
         """Add one point at environment step ``step`` to each curve; None is left out, and so is ``step`` itself."""
@@ -33,17 +33,7 @@ class Logger(Protocol):
         """Flush and end."""
 
 
-class NoLogger:
-    """``logger=none``."""
-
-    def write(self, step: int, values: Mapping[str, float | None]) -> None:
-        """Drop them."""
-
-    def close(self) -> None:
-        """Nothing to end."""
-
-
-class TensorBoard:
+class TensorBoard(Logger):
     """Event files in ``state/tensorboard``, one per start of the run; readers see one series.
 
     Args:
@@ -69,7 +59,7 @@ class TensorBoard:
         self._writer.close()
 
 
-class WeightsAndBiases:
+class WeightsAndBiases(Logger):
     """One run of Weights & Biases for one run directory, over all its resumes.
 
     It keeps what it knows of a step that it is sent again: the same numbers, since a resume is exact. Offline, each
@@ -85,8 +75,7 @@ class WeightsAndBiases:
             import wandb
         except ImportError:
             raise ConfigurationError("logger=wandb: wandb is not installed; run: pip install '.[wandb]'") from None
-        configuration = run.path.parts[-5:-1]  # algorithm, environment, label, encoder
-        label, environment = configuration[2], configuration[1]
+        algo, environment, label, encoder, seed = run.path.parts[-5:]
         try:
             self._run: Any = wandb.init(
                 project=config.logger.project,
@@ -94,8 +83,8 @@ class WeightsAndBiases:
                 dir=str(run.state),
                 id=_wandb_id(run.state),
                 resume="allow",
-                name=f"{label}-{environment}-{run.path.name}"[-_WANDB_NAME_LENGTH:],
-                group="/".join((config.study, *configuration))[-_WANDB_NAME_LENGTH:],
+                name=f"{label}-{environment}-{seed}"[-_WANDB_NAME_LENGTH:],
+                group="/".join((config.study, algo, environment, label, encoder))[-_WANDB_NAME_LENGTH:],
                 config=to_dict(config),
                 allow_val_change=True,  # an extended run has other total_steps
             )
@@ -129,7 +118,7 @@ def open_logger(config: ExperimentConfig, run: RunDirectory, step: int) -> Logge
         return TensorBoard(run.state / EVENTS, step)
     if config.logger.name == "wandb":
         return WeightsAndBiases(config, run)
-    return NoLogger()
+    return Logger()
 
 
 def _points(values: Mapping[str, float | None]) -> dict[str, float]:

@@ -16,7 +16,6 @@ import mujoco
 import numpy as np
 import torch
 from gymnasium.envs.mujoco import MujocoEnv
-from gymnasium.wrappers import TimeLimit
 
 from src.training.checkpoint import CorruptState
 
@@ -39,7 +38,7 @@ def capture(environment: gymnasium.Env) -> dict[str, Any]:
     state: dict[str, Any] = {"physics": torch.from_numpy(physics)}
     for name in _DERIVED:
         state[name] = torch.from_numpy(np.array(getattr(task.data, name), np.float64))
-    state["elapsed_steps"] = int(_time_limit(environment)._elapsed_steps or 0)
+    state["elapsed_steps"] = int(environment.get_wrapper_attr("_elapsed_steps") or 0)
     state["random"] = json.dumps(task.np_random.bit_generator.state)
     return state
 
@@ -57,8 +56,7 @@ def restore(environment: gymnasium.Env, state: dict[str, Any]) -> None:
         mujoco.mj_setState(task.model, task.data, state["physics"].numpy(), _SIGNATURE)
         for name in _DERIVED:
             getattr(task.data, name)[:] = state[name].numpy()
-        limit: Any = _time_limit(environment)
-        limit._elapsed_steps = int(state["elapsed_steps"])
+        environment.set_wrapper_attr("_elapsed_steps", int(state["elapsed_steps"]))
         task.np_random.bit_generator.state = json.loads(state["random"])
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise CorruptState(f"the saved simulator state does not fit the task: {error!r}") from error
@@ -74,15 +72,5 @@ def _check_sizes(task: MujocoEnv, state: dict[str, Any]) -> None:
 
 def _task(environment: gymnasium.Env) -> MujocoEnv:
     task = environment.unwrapped
-    if not isinstance(task, MujocoEnv):
-        raise TypeError(f"{task} is no MuJoCo task: its simulator state cannot be saved")
+    assert isinstance(task, MujocoEnv)
     return task
-
-
-def _time_limit(environment: gymnasium.Env) -> TimeLimit:
-    wrapper: Any = environment
-    while isinstance(wrapper, gymnasium.Wrapper):
-        if isinstance(wrapper, TimeLimit):
-            return wrapper
-        wrapper = wrapper.env
-    raise TypeError(f"{environment} has no time limit")

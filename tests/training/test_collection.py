@@ -7,7 +7,8 @@ import pytest
 import torch
 
 from src.training.collection import make_collector, transitions
-from src.training.environment import TrainingEnvironment, make_gym
+from src.training.environment import TrainingEnvironment
+from src.training.gym_task import make_gym
 from tests.training.tasks import assert_same, random_policy, task
 
 

@@ -14,7 +14,8 @@ from torchrl.envs import EnvBase
 from torchrl.envs.utils import check_env_specs
 
 from src.config.schema import ConfigurationError, EnvConfig
-from src.training.environment import TrainingEnvironment, make_gym, sizes
+from src.training.environment import TrainingEnvironment
+from src.training.gym_task import make_gym, sizes
 from tests.helpers import ROOT
 from tests.training.tasks import TASKS, task
 

@@ -10,8 +10,8 @@ import pytest
 import torch
 
 from src.streams import Streams
-from src.training.environment import make_gym
 from src.training.evaluation import Evaluator
+from src.training.gym_task import make_gym
 from tests.helpers import ROOT
 from tests.training.tasks import task
 
