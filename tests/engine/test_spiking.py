@@ -127,6 +127,16 @@ def test_buffers_are_bounded_however_many_sizes_come():
     assert len(bound._workspaces) <= 6
 
 
+def test_every_buffer_begins_at_a_cache_line():
+    """A library may give other bits at another alignment: a resumed run would not be the run."""
+    bound, _ = bind(actor("bptsan"))
+    bound.vjp(torch.zeros(3, 7, OBSERVATION_SIZE), None, False)
+    (workspace,) = bound._workspaces.values()
+    addresses = [trace[name] for trace in workspace.traces for name in trace.dtype.names]
+    addresses += [workspace.passes[name][0] for name in ("input_spikes", "rates", "grad_strength")]
+    assert all(address % 64 == 0 for address in addresses)
+
+
 def test_passes_of_other_sizes_do_not_disturb_each_other():
     bound, flat = bind(exact(actor("bptsan")))
     one, other = torch.randn(1, 20, OBSERVATION_SIZE), torch.randn(1, 7, OBSERVATION_SIZE)
