@@ -131,7 +131,12 @@ def _unknown_key(text: str) -> str | None:
 
 def _wrong_type(text: str) -> str | None:
     found = re.search(r"Error merging override (\S+)\s*\n?(.*)", text)
-    return f"{found.group(1)}: {found.group(2).strip().rstrip('.')}." if found else None
+    if not found:
+        return None
+    reason = found.group(2).strip().rstrip(".")
+    if reason == "Cannot merge DictConfig with ListConfig":
+        reason = "a list can't take the place of a mapping of keys, nor the other way round"
+    return f"{found.group(1)}: {reason}."
 
 
 def _needs_multirun(text: str) -> str | None:

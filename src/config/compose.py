@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from functools import cache
 from typing import Any
 
@@ -109,6 +110,10 @@ def _resolved(composed: DictConfig) -> dict[str, Any]:
     try:
         content = OmegaConf.to_container(own, resolve=True, throw_on_missing=True)
     except OmegaConfBaseException as error:
-        raise ConfigurationError(str(error).split("\n")[0]) from None
+        text = str(error).split("\n")[0]
+        missing = re.fullmatch(r"Interpolation key '(\S+)' not found", text)
+        raise ConfigurationError(
+            f"{missing[1]}: this key is missing; others take their value from it." if missing else text
+        ) from None
     assert isinstance(content, dict)
     return {str(key): value for key, value in content.items()}

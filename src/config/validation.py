@@ -21,7 +21,7 @@ _PATTERNS = {
 }
 #: What pydantic calls a type or a limit, as a noun; ``{...}`` are its own values.
 _EXPECTED = {
-    "string_type": "text (a number takes quotes: {key}=\"'{input}'\")",
+    "string_type": "text",
     "string_too_long": "at most {max_length} characters",
     "int_type": "a whole number",
     "float_type": "a number",
@@ -64,8 +64,14 @@ def parse(composed: dict[str, Any]) -> ExperimentConfig:
     try:
         config = _SCHEMA.validate_json(json.dumps(composed, default=str))
     except ValidationError as error:
-        raise ConfigurationError("\n".join(sentence(each) for each in error.errors())) from None
+        errors = error.errors()
+        inner = [each for each in errors if not any(_lies_in(other["loc"], each["loc"]) for other in errors)]
+        raise ConfigurationError("\n".join(sentence(each) for each in inner)) from None
     return replace(config, encoder=replace(config.encoder, coding=resolved_coding(config)))
+
+
+def _lies_in(key: tuple[int | str, ...], group: tuple[int | str, ...]) -> bool:
+    return len(key) > len(group) and key[: len(group)] == group
 
 
 def to_dict(config: ExperimentConfig) -> dict[str, Any]:
@@ -88,5 +94,7 @@ def sentence(error: Any, prefix: str = "") -> str:
         expected = _PATTERNS.get(str(error["loc"][-1]), _FOLDER_NAME)
     else:
         expected = _EXPECTED.get(kind, str(error["msg"]).removeprefix("Input should be ").rstrip("."))
-        expected = expected.format_map({"key": key, "input": error["input"], **(error.get("ctx") or {})})
+        expected = expected.format_map(error.get("ctx") or {})
+        if kind == "string_type" and isinstance(error["input"], int | float):
+            expected += f" (it takes quotes: {key}=\"'{json.dumps(error['input'])}'\")"
     return f"{key}: should be {expected}, found {error['input']!r}."

@@ -10,14 +10,16 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-from src.config.schema import EnvConfig, ExperimentConfig
+from src.config.schema import ENGINE, EnvConfig, ExperimentConfig
+from src.experiment.machine import processor
 from src.experiment.run_directory import ManifestError, RunDirectory
 from src.paths import repository_path
 
-#: Environment steps per second of one run on one core, rough, where nothing has been measured yet (TD3 on Hopper).
+#: Environment steps per second of one run on one core, rough, where nothing has been measured yet (TD3 on Hopper): half
+#: of what docs/performance.md found on a fast machine.
 DEFAULT_RATES = {
-    "aan": 180.0, "popsan": 87.0, "bptsan_wo_ndt": 88.0, "bptsan_wo_li": 66.0, "bptsan": 64.0,
-    "popdan": 150.0, "mdcsan": 60.0, "ilcsan": 60.0, "lif_san": 87.0,
+    "aan": 350.0, "popsan": 170.0, "bptsan_wo_ndt": 140.0, "bptsan_wo_li": 110.0, "bptsan": 110.0,
+    "popdan": 80.0, "mdcsan": 40.0, "ilcsan": 40.0, "lif_san": 140.0,
 }  # fmt: skip
 _OTHER_RATE = 60.0
 _PROXY_RATE = 35.0
@@ -30,7 +32,7 @@ class Cost(NamedTuple):
     clock_hours: float
     peak_bytes: int
     kept_bytes: int
-    measured: bool  # the rates of all runs come from this results folder
+    measured: bool  # the rates of all runs come from this results folder and this kind of processor
 
 
 def cost(runs: Sequence[tuple[ExperimentConfig, int]], jobs_at_once: int) -> Cost:
@@ -61,14 +63,17 @@ def _rate(config: ExperimentConfig) -> tuple[float, bool]:
 
 @cache
 def _measured_rates(results: Path) -> dict[tuple[str, str, str], list[float]]:
-    """Steps per second of every run in the results folder that got past a thousand steps."""
+    """Steps per second of the runs in the results folder that this engine trained on a processor such as this one."""
     rates: dict[tuple[str, str, str], list[float]] = {}
+    here = processor()
     for path in results.glob("*/runs/*/*/*/*/seed_*"):
         try:
             run = RunDirectory(path).read_manifest()
         except (ManifestError, OSError):
             continue
-        if run is not None and run.step >= 1000 and run.wall_time_seconds > 0:
+        if run is None or (run.engine, run.processor) != (ENGINE, here):
+            continue
+        if run.step >= 1000 and run.wall_time_seconds > 0:
             rates.setdefault((run.algo, run.actor, run.env), []).append(run.step / run.wall_time_seconds)
     return rates
 

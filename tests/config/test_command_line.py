@@ -54,13 +54,16 @@ def typed(monkeypatch, capsys, tmp_path):
         (["env.id=Foo-v1"], "env.id: Gymnasium has no task Foo-v1"),
         (["env.id=Hopper-v99"], "env.id: Gymnasium has no task Hopper-v99"),
         (["env.id=Hopper-v3"], "env.id: Gymnasium has no task Hopper-v3: The mujoco v2 and v3"),
+        (["study=1"], "study: should be text (it takes quotes: study=\"'1'\"), found 1."),
+        (["study=[a]"], "study: should be text, found ['a']."),
+        (["actor.hidden_sizes={a:1}"], "a list can't take the place of a mapping of keys"),
+        (["~actor"], "actor.learning_rate: this key is missing"),
         (["+foo=1"], "foo: there is no such key"),
         (["+actor.foo=1"], "actor.foo: there is no such key"),
         (["++actor.dendritic.foo=1"], "actor.dendritic.foo: there is no such key"),
         (["env.kwargs.foo=1"], "write +env.kwargs.foo=... to add it"),
         (["env.kwargs={foo:1}"], "write +env.kwargs.NAME=... to add one"),
         (["~seed"], "seed: this key is missing"),
-        (["study=1"], "study: should be text (a number takes quotes: study=\"'1'\"), found 1."),
         (["study=" + "x" * 201], "study: should be at most 200 characters, found"),
         (["label=a|é"], "label=a|é: this can't be read; quote a value with special characters"),
         (["seed=range(a)"], "seed=range(a): this can't be read ('range(a)': mismatch type argument start"),
@@ -95,6 +98,11 @@ def test_one_clear_sentence(typed, tmp_path, arguments, said):
     assert "Traceback" not in out + err and "Error executing" not in err and "HYDRA_FULL_ERROR" not in err
     assert len(err.strip().splitlines()) <= 3
     assert not (tmp_path / "results").exists(), "nothing may be started"
+
+
+def test_a_mistake_in_a_list_is_one_sentence(typed):
+    code, _, err = typed("actor.hidden_sizes=[a]")
+    assert code == 2 and err == "actor.hidden_sizes.0: should be a whole number, found 'a'.\n"
 
 
 @pytest.mark.parametrize("arguments", [["protocol=smoke"], ["-m", "protocol=smoke", "seed=0,1"]])

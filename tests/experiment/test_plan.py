@@ -7,6 +7,7 @@ import sys
 import pytest
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
+from src.config.schema import ENGINE
 from src.experiment import cost as costs
 from src.experiment.ownership import acquire
 from tests.experiment.command import run
@@ -55,6 +56,12 @@ def test_hours_shrink_with_what_is_done_and_follow_what_was_measured(tmp_path):
     assert half.core_hours == pytest.approx(whole.core_hours / 2) and not whole.measured
     with acquire(smoke(tmp_path)) as (run, _):
         run.update_manifest(step=2000, wall_time_seconds=2.0, status="complete")
+    here = run.manifest.processor
+    for other in ({"engine": ENGINE - 1}, {"engine": ENGINE, "processor": "another"}):
+        run.update_manifest(**other)
+        costs._measured_rates.cache_clear()
+        assert costs.cost([(config, 0)], 1) == whole
+    run.update_manifest(processor=here)
     costs._measured_rates.cache_clear()
     measured = costs.cost([(config, 0)], 1)
     assert measured.measured and measured.core_hours == pytest.approx(1_000_000 / 1000 / 3600)
