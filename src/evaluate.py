@@ -116,9 +116,10 @@ def evaluate(run: Path, path: Path, options: argparse.Namespace) -> None:
     from rich.table import Table
 
     kept, results = play(path, options.episodes, options.seed)
-    table = Table("episode", "return", "length", title=shown_path(run), title_justify="left")
+    table = Table("episode", "return", "length")
     for episode, (episode_return, length) in enumerate(results):
         table.add_row(str(episode), f"{episode_return:.1f}", str(length))
+    print(shown_path(run))
     Console().print(table)
     print(kept)
     print(f"{statistics([episode_return for episode_return, _ in results])}, seed {options.seed}")

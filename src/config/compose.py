@@ -113,7 +113,7 @@ def _resolved(composed: DictConfig) -> dict[str, Any]:
         text = str(error).split("\n")[0]
         missing = re.fullmatch(r"Interpolation key '(\S+)' not found", text)
         raise ConfigurationError(
-            f"{missing[1]}: this key is missing; others take their value from it." if missing else text
+            f"{missing[1]}: a value is taken from this key, and it is missing." if missing else text
         ) from None
     assert isinstance(content, dict)
     return {str(key): value for key, value in content.items()}
