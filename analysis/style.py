@@ -129,7 +129,7 @@ def panels(
 
 
 def panel_grid(style: Style, rows: int, columns: int, height: float = 2.1) -> tuple[Figure, list[Axes]]:
-    """``rows`` x ``columns`` panels, row by row; columns share their training_stepstal axis."""
+    """``rows`` x ``columns`` panels, row by row; columns share their horizontal axis."""
     total = style.width(columns * 2.35)
     shape = (total, rows * height + 0.6)
     figure, axes = plt.subplots(rows, columns, figsize=shape, squeeze=False, sharex="col", sharey="col")
@@ -145,7 +145,7 @@ def leftmost(axes: list[Axes]) -> list[Axes]:
 
 
 def lowest(axes: list[Axes]) -> list[Axes]:
-    """The panels with none below them, which carry the name of the training_stepstal axis."""
+    """The panels with none below them, which carry the name of the horizontal axis."""
     last: dict[int, Axes] = {}
     for axis in axes:
         last[axis.get_subplotspec().colspan.start] = axis  # type: ignore[union-attr]

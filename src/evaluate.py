@@ -72,7 +72,7 @@ def play(path: Path, episodes: int, seed: int) -> tuple[str, list[tuple[float, i
 
     trained = load_policy(path)
     evaluator = Evaluator(trained.config.env, episodes, Streams(seed))
-    kept = summary.describe(trained.standing) if trained.standing else "policy of an unknown step"
+    kept = summary.describe(trained.record) if trained.record else "policy of an unknown step"
     return kept, evaluator.evaluate(trained.on_training_backend(), step=FRESH)
 
 

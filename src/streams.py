@@ -22,7 +22,7 @@ class Streams:
         self.seed = seed
 
     def sequence(self, *name: str | int) -> np.random.SeedSequence:
-        """The seed sequence of a stream, e.g. ``sequence("initialisation", "layers.0.weight")``."""
+        """The seed sequence of a stream, e.g. ``sequence("initialisation", "actor.layers.0.synapse.weight")``."""
         digest = hashlib.sha256("/".join(str(part) for part in name).encode()).digest()
         spawn_key = tuple(int.from_bytes(digest[i : i + 4], "little") for i in range(0, 16, 4))
         return np.random.SeedSequence(self.seed, spawn_key=spawn_key)

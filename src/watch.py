@@ -60,7 +60,7 @@ def watch(path: Path, folder: Path, seed: int, decisions: int, video: bool) -> s
             episode = play_episode(trained, environment, seed, decisions)
     heading = summary.title(config.label or config.actor.name, config.env.id, episode)
     written += raster.save(raster.draw(episode, heading), folder)
-    text = summary.text(heading, trained.standing, seed, episode)
+    text = summary.text(heading, trained.record, seed, episode)
     (folder / "summary.txt").write_text(text)
     lines = [*([without] if without else []), *(f"wrote {shown_path(file)}" for file in written)]
     return text + "\n".join(lines) + "\n"

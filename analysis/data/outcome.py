@@ -1,8 +1,8 @@
 """Whether a run counts: the one place that decides it.
 
-Finished runs count, and diverged ones with their last value carried forward. All others are drawn in
-curves only: running, interrupted and failed ones, finished ones of another length than their task's, and those whose
-evaluations do not show what their manifest says.
+Finished runs count, and diverged ones with their last value carried forward. All others are drawn in curves only:
+running, interrupted and failed ones, finished ones of another length than their task's, and those whose evaluations do
+not show what their manifest says.
 """
 
 from __future__ import annotations

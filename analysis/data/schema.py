@@ -7,9 +7,9 @@ are strict (``"5000"`` is no number): what has another type was not written by t
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from analysis.data.errors import UnreadableRunError
 
@@ -18,7 +18,7 @@ MOST = 2**63 - 1
 Count = Annotated[int, Field(ge=0, le=MOST)]
 #: Ten times a number of steps has to fit as well.
 Positive = Annotated[int, Field(ge=1, le=10**15)]
-#: A width of a layer or a number of spiking steps: what the table of operations multiplies.
+#: Of an observation or an action.
 Size = Annotated[int, Field(ge=1, le=10**6)]
 Seconds = Annotated[float, Field(ge=0, le=1e12)]
 
@@ -94,19 +94,6 @@ class Manifest(_File):
         return f"{self.algo}/{self.env}/{self.label}/{self.encoder}/seed_{self.seed}"
 
 
-_SIZES = {
-    "mlp": ("actor.hidden_sizes",),
-    "spiking": (
-        "actor.hidden_sizes",
-        "actor.time_steps",
-        "actor.output_population",
-        "actor.dendritic",
-        "actor.lateral",
-        "encoder.population_size",
-    ),
-}
-
-
 class _Named(_File):
     name: str
 
@@ -118,37 +105,16 @@ class Algorithm(_Named):
 
 
 class Actor(_Named):
-    """Group ``actor``; the sizes are those that the table of operations needs."""
+    """Group ``actor``."""
 
     kind: str | None = None
     coding: str | None = None
-    hidden_sizes: list[Size] | None = None
-    time_steps: Size | None = None
-    output_population: Size | None = None
-    dendritic: Dendritic | None = None
-    lateral: Lateral | None = None
-
-
-class Dendritic(_File):
-    """Group ``actor.dendritic``."""
-
-    branches: Size = 1
-    output_topology: bool = False
-    bias: str = "neuron"
-
-
-class Lateral(_File):
-    """Group ``actor.lateral``."""
-
-    radius: Annotated[int, Field(ge=0, le=10**6)]
-    include_self: bool = False
 
 
 class Encoder(_File):
     """Group ``encoder``."""
 
     coding: str
-    population_size: Size | None = None
 
 
 class Environment(_Named):
@@ -173,15 +139,6 @@ class Configuration(_File):
     env: Environment
     protocol: Protocol
     seed: Count
-
-    @model_validator(mode="after")
-    def _sizes(self) -> Self:
-        """What the table of operations multiplies is there for the actors that it knows."""
-        for key in _SIZES.get(self.actor.kind or "", ()):
-            group, _, name = key.partition(".")
-            if getattr(getattr(self, group), name) is None:
-                raise ValueError(key)
-        return self
 
 
 def parse_manifest(text: str) -> Manifest:

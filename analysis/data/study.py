@@ -1,4 +1,4 @@
-"""All run directories of a study as three tidy frames, checked against one another."""
+"""All run directories of a study as tidy frames, checked against one another."""
 
 from __future__ import annotations
 

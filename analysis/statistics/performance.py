@@ -117,9 +117,8 @@ def maxima_table(cells: list[Cell]) -> Table:
     ]
     caption = (
         "max_of_mean: the largest value of the seeds' mean curve, ± the standard deviation over seeds at that step; "
-        "the ablation bars "
-        "draw it. mean_of_max: mean over seeds of each seed's own maximum; it rewards noise and is never smaller. "
-        "Nothing is smoothed."
+        "the ablation bars draw it. mean_of_max: mean over seeds of each seed's own maximum; it rewards noise and is "
+        "never smaller. Nothing is smoothed."
     )
     frame = pd.DataFrame(rows) if rows else pd.DataFrame(columns=[key for key, _, _ in columns])
     return Table("max_average_return", "statistics", "Max average return, both readings", caption, frame, columns)

@@ -38,7 +38,7 @@ FAMILIES = {
 
 
 def verdict_words(result: ClaimResult | AlgorithmsResult) -> str:
-    """``supported, smaller than relevant``, ``no relevant difference``, ``undecided (interim, 6 of 10 seeds)``."""
+    """``supported, smaller than relevant``, ``no relevant difference``, ``undecided``."""
     words = str(result.verdict)
     if isinstance(result, AlgorithmsResult):
         return words

@@ -69,16 +69,9 @@ class SpikingActor(Actor):
                 neurons,
                 of_layer,
                 masks.sequence("dendrite mask", index),
+                _output_lateral(config, action_size, of_layer.at("output_lateral")) if is_output else None,
             )
             self.layers.append(layer)
-        if config.output_lateral != "none":  # in the last layer
-            layer.output_lateral = OutputLateral(
-                config.output_lateral,
-                config.output_lateral_bias,
-                config.lateral_gradient,
-                *population,
-                of_layer.at("output_lateral"),
-            )
         decoder = initialiser.at("decoder")
         if config.readout == "rate":
             self.decoder = PopulationDecoder(*population, decoder)
@@ -150,4 +143,18 @@ def neuron_constants(config: SpikingActorConfig) -> LIFConstants | DNConstants:
         config.surrogate_window,
         config.reset_gradient,
         config.lateral_gradient,
+    )
+
+
+def _output_lateral(config: SpikingActorConfig, action_size: int, initialiser: Initialiser) -> OutputLateral | None:
+    """Connections within the output population, where there are any."""
+    if config.output_lateral == "none":
+        return None
+    return OutputLateral(
+        config.output_lateral,
+        config.output_lateral_bias,
+        config.lateral_gradient,
+        action_size,
+        config.output_population,
+        initialiser,
     )

@@ -31,6 +31,7 @@ class SpikingLayer(nn.Module):
         neurons: n, of this layer.
         initialiser: of this module.
         partition_seed: seed sequence of the dendritic partition.
+        output_lateral: of an output population whose neurons reach each other's current.
     """
 
     def __init__(
@@ -42,12 +43,13 @@ class SpikingLayer(nn.Module):
         neurons: int,
         initialiser: Initialiser,
         partition_seed: np.random.SeedSequence,
+        output_lateral: OutputLateral | None = None,
     ) -> None:
         super().__init__()
         self.constants = constants
         self.synapse = Synapse(dendritic, inputs, neurons, initialiser.at("synapse"), partition_seed)
         self.lateral = LateralInteraction(lateral, neurons, initialiser.at("lateral")) if lateral.radius else None
-        self.output_lateral: OutputLateral | None = None  # of an output population whose neurons reach each other
+        self.output_lateral = output_lateral
 
     def forward(self, spikes: Tensor) -> tuple[Tensor, Tensor]:
         """Spikes ``[T, B, inputs]`` to the spikes and membrane potentials (before the reset) ``[T, B, n]``."""

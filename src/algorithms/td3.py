@@ -95,10 +95,11 @@ class TD3(Learner):
         record = BurstRecord()
         actor_updates_before = self.actor_updates
         noise_clip = config.target_noise_clip * self.action_limit
-        shape = burst.action[:: self.minibatches_per_update].shape
+        updates = len(burst.reward) // self.minibatches_per_update
+        shape = (updates, *burst.action.shape[1:])
         noise = torch.randn(shape, generator=self.streams.update_noise).to(burst.action)
         noise = noise * (config.target_noise * self.action_limit)
-        for batch, smoothing in zip(self.minibatches(burst, record), noise):
+        for batch, smoothing in zip(self.critic_minibatches(burst, record), noise):
             with torch.no_grad():
                 next_action = self.target_policy(batch.next_observation, self.streams.encoder)
                 next_action = smoothed_target_action(next_action, smoothing, noise_clip, self.action_limit)
@@ -127,8 +128,8 @@ class TD3(Learner):
             self.critic_updates += 1
         return record.means()
 
-    def minibatches(self, burst: Batch, record: BurstRecord) -> Iterator[Batch]:
-        """The minibatch of each update, drawn as it comes."""
+    def critic_minibatches(self, burst: Batch, record: BurstRecord) -> Iterator[Batch]:
+        """The minibatch of each update of the critics, as it comes; a proxy target learns between two of them."""
         return burst.minibatches()
 
     def follow_targets(self) -> None:

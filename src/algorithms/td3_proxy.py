@@ -56,7 +56,7 @@ class TD3Proxy(TD3):
         self.modules["proxy"] = proxy
         self.optimizers["proxy"] = adam(config.proxy_learning_rate, proxy)
 
-    def minibatches(self, burst: Batch, record: BurstRecord) -> Iterator[Batch]:
+    def critic_minibatches(self, burst: Batch, record: BurstRecord) -> Iterator[Batch]:
         """The last of each K minibatches, after the proxy has learnt from all of them."""
         for number, batch in enumerate(burst.minibatches(), start=1):
             with torch.no_grad():

@@ -65,6 +65,9 @@ def _compared(content: dict[str, Any]) -> dict[str, Any]:
 def _own_values(composed: DictConfig, content: dict[str, Any]) -> dict[str, Any]:
     """Dotted keys and values that the chosen options have by themselves, as the schema has them.
 
+    With ``actor=bptsan actor.lateral.radius=4`` the composed radius is 4, and 2 here, as conf/actor/bptsan.yaml says:
+    they differ, so that the label is ``bptsan-lateral.radius=4``.
+
     An interpolation follows this run: ``algo.actor_learning_rate`` is ``${actor.learning_rate}`` of its own actor.
     """
     bare = dict(content)

@@ -40,6 +40,6 @@ class BoundActor(NotCopyable, ABC):
         The product is to be taken before the next pass of these sizes.
         """
 
-    def act(self, observation: Tensor, generator: torch.Generator | None) -> Tensor:
+    def raw_action(self, observation: Tensor, generator: torch.Generator | None) -> Tensor:
         """Raw actions ``[B, M]`` for ``[B, N]``."""
         return self.raw(observation.unsqueeze(0), generator)[0]

@@ -27,7 +27,7 @@ def acting(actor: Actor) -> Callable[[Tensor, torch.Generator], Tensor]:
     Its parameters move into a flat tensor, as a learner's do.
     """
     FlatParameters(actor.parameters())
-    return bind(actor).act
+    return bind(actor).raw_action
 
 
 def unsupported_reason(actor: Actor, device: str = "cpu") -> str | None:

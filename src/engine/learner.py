@@ -46,7 +46,7 @@ class FastLearner(Learner):
     @torch.no_grad()
     def raw_action(self, observation: Tensor, generator: torch.Generator) -> Tensor:
         """The actor's output ``[B, M]`` for acting."""
-        return self._actor.act(observation, generator)
+        return self._actor.raw_action(observation, generator)
 
     def actor_gradient(self) -> Tensor:
         """See :meth:`Learner.actor_gradient`."""

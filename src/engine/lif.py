@@ -199,7 +199,7 @@ def scan_gradient(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Fill ``grad_currents`` and add to ``grad_branch_bias``, ``grad_bias`` and ``grad_lateral``.
 
-    Shapes as in the forward kernel, ``grad`` as ``spikes``; ``reset`` and ``lateral_gradient`` are 1 or 0: whether the
+    Shapes as in the forward pass; ``reset_gradient`` and ``lateral_gradient`` of the constants are 1 or 0: whether the
     reset and the lateral term carry gradient to the spikes of the step before.
     """
     current_decay, voltage_decay = constants["current_decay"], constants["voltage_decay"]

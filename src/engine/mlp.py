@@ -48,7 +48,7 @@ class BoundMLP(NotCopyable):
         return self._run(x, self._outputs[-1:])[-1]
 
     def forward_saving(self, x: Tensor) -> Saved:
-        """:meth:`forward` with what :meth:`vjp` needs; the last of it is the output."""
+        """:meth:`forward` with what :meth:`backward` needs; the last of it is the output."""
         return self._run(x, self._outputs)
 
     def _run(self, x: Tensor, sizes: Sequence[int]) -> Saved:
@@ -60,7 +60,7 @@ class BoundMLP(NotCopyable):
         mlp_kernels.forward(self._sgemm, self.ensemble, len(x), self._layers, hidden, self.final_relu)
         return [x, *outputs]
 
-    def vjp(self, saved: Saved, grad_outputs: Tensor, with_input: bool = False) -> Tensor | None:
+    def backward(self, saved: Saved, grad_outputs: Tensor, with_input: bool = False) -> Tensor | None:
         """Given the gradient w.r.t. the outputs ``[E, B, out]``, fill the parameters'; give the input's if wanted."""
         if grad_outputs.shape != saved[-1].shape or grad_outputs.dtype != torch.float32:
             found = f"{[*grad_outputs.shape]}, {grad_outputs.dtype}"
@@ -126,6 +126,6 @@ class BoundMLPActor(BoundActor):
         last = last_rows(saved, observation.shape[1])
 
         def vjp_fn(grad_raw: Tensor) -> None:
-            self._network.vjp(last, grad_raw.unsqueeze(0))
+            self._network.backward(last, grad_raw.unsqueeze(0))
 
         return raw, NOTHING_SPIKES if with_health else None, vjp_fn

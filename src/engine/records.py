@@ -70,7 +70,7 @@ MLP_LAYER = np.dtype(
         "outputs",
         "weight",  # [E, inputs, outputs]
         "bias",  # [E, 1, outputs]
-        "grad_weight",  # 0: no gradients are wanted
+        "grad_weight",
         "grad_bias",
     )
 )

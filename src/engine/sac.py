@@ -45,7 +45,7 @@ class FastSAC(FastLearner, sac.SAC):
             features = self._trunk.forward(observation).squeeze(0)
             mean, log_std = (head.forward(features).squeeze(0) for head in (self._mean, self._log_std))
         else:
-            mean = self._actor.act(observation, self.streams.encoder)
+            mean = self._actor.raw_action(observation, self.streams.encoder)
             log_std = self._log_std.forward(observation).squeeze(0)
         noise = torch.randn(mean.shape, generator=self.streams.exploration)
         return tanh_gaussian.sample(mean, log_std, noise, self.bounds).action
@@ -100,7 +100,7 @@ class FastSAC(FastLearner, sac.SAC):
 
         def vjp_fn(grad_mean: Tensor, grad_log_std: Tensor) -> None:
             vjp_mean(grad_mean)
-            self._log_std.vjp(last, grad_log_std.unsqueeze(0))
+            self._log_std.backward(last, grad_log_std.unsqueeze(0))
 
         return means, saved[-1][0].unflatten(0, observation.shape[:2]), health, vjp_fn
 
@@ -111,10 +111,12 @@ class FastSAC(FastLearner, sac.SAC):
         mean, log_std = (head.forward_saving(trunk[-1][0]) for head in (self._mean, self._log_std))
 
         def vjp_fn(grad_mean: Tensor, grad_log_std: Tensor) -> None:
-            through_mean = self._mean.vjp(last_rows(mean, batch), grad_mean.unsqueeze(0), with_input=True)
-            through_log_std = self._log_std.vjp(last_rows(log_std, batch), grad_log_std.unsqueeze(0), with_input=True)
+            through_mean = self._mean.backward(last_rows(mean, batch), grad_mean.unsqueeze(0), with_input=True)
+            through_log_std = self._log_std.backward(
+                last_rows(log_std, batch), grad_log_std.unsqueeze(0), with_input=True
+            )
             assert through_mean is not None and through_log_std is not None
-            self._trunk.vjp(last_rows(trunk, batch), torch.add(through_mean, through_log_std).unsqueeze(0))
+            self._trunk.backward(last_rows(trunk, batch), torch.add(through_mean, through_log_std).unsqueeze(0))
 
         health = NOTHING_SPIKES if with_health else None
         means, log_stds = (saved[-1][0].unflatten(0, observation.shape[:2]) for saved in (mean, log_std))

@@ -1,7 +1,7 @@
 """TD3's updates on the engine: those of :class:`src.algorithms.td3.TD3`, without autograd.
 
-What is reordered: the targets of the minibatches that the same target networks serve are computed in one pass; noise is
-scaled for the whole burst. What is not: every equation, and the order of the random draws.
+What is reordered: the targets of the minibatches that the same target networks serve are computed in one pass. What is
+not: every equation, and the order of the random draws.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How far a run is, as the trainer reports it: a live bar on a terminal, plain lines elsewhere, a heartbeat."""
+"""How far a run is, as the training reports it: a live bar on a terminal, plain lines elsewhere, a heartbeat."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ HEARTBEAT_SECONDS = 15.0
 
 
 class Progress(Protocol):
-    """What the trainer calls: after every collector batch or so; it is cheap."""
+    """What the training calls: after every collector batch or so; it is cheap."""
 
     def update(self, step: int, last_return: float | None, steps_per_second: float) -> None:
         """``step`` environment steps are done; ``last_return`` is the mean return of the last evaluation."""

@@ -45,7 +45,7 @@ def exit_code(count: Mapping[RunState, int]) -> ExitCode:
 
 
 class Outcome(NamedTuple):
-    """How a call of the trainer ended: ``step`` environment steps are done; ``message`` says why it isn't complete."""
+    """How a call of the training ended: ``step`` environment steps are done; ``message`` says why it isn't complete."""
 
     status: RunState
     step: int

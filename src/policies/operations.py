@@ -181,7 +181,7 @@ def count_again(path: Path) -> Operations:
     """
     trained = load_policy(path)
     config = trained.config
-    step = config.protocol.total_steps if trained.standing is None else trained.standing.step
+    step = config.protocol.total_steps if trained.record is None else trained.record.step
     evaluator = Evaluator(config.env, config.protocol.evaluation_episodes, Streams(config.seed))
     return count_operations(trained.policy, trained.normalizer, evaluator, step)
 

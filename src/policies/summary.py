@@ -14,18 +14,18 @@ def title(actor: str, task: str, episode: Episode) -> str:
     return f"{actor} on {task}: return {episode.episode_return:,.0f} in {len(episode.rewards):,} steps"
 
 
-def text(heading: str, standing: PolicyRecord | None, seed: int, episode: Episode) -> str:
+def text(heading: str, record: PolicyRecord | None, seed: int, episode: Episode) -> str:
     """The whole text, lines of at most 100 characters."""
-    lines = [heading, f"episode of seed {seed}" + (f", {describe(standing)}" if standing else ""), ""]
+    lines = [heading, f"episode of seed {seed}" + (f", {describe(record)}" if record else ""), ""]
     if episode.operations is None:
         return "\n".join([*lines, "This actor calls no nn.Linear layer: nothing of its inside can be shown.", ""])
     lines += [*_populations(episode.populations), "", *_operations(episode.operations), ""]
     return "\n".join(lines)
 
 
-def describe(standing: PolicyRecord) -> str:
+def describe(record: PolicyRecord) -> str:
     """When the policy was kept, and its evaluation then."""
-    return f"policy of step {standing.step:,}, mean return of its evaluation {standing.mean_return:,.1f}"
+    return f"policy of step {record.step:,}, mean return of its evaluation {record.mean_return:,.1f}"
 
 
 def _populations(populations: Sequence[Population]) -> list[str]:

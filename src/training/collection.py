@@ -47,11 +47,11 @@ class _CollectorPolicy:
 def make_collector(environment: TrainingEnvironment, policy: Policy, frames_per_batch: int) -> Collector:
     """An endless collector of batches of ``frames_per_batch`` steps, on the CPU.
 
-    Its constructor resets the environment once (one that was armed with a saved state goes on from it) and does not
+    Its constructor resets the environment once (one that was given a saved state goes on from it) and does not
     call the policy. Batches come in one buffer that the next batch overwrites: read each with :func:`transitions`.
 
     Args:
-        environment: seeded or armed.
+        environment: seeded, or given a saved state.
         policy: observation float32 [N] -> action float32 [M], called once a step without gradients.
         frames_per_batch: F, steps in a batch.
     """

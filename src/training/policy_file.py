@@ -35,7 +35,7 @@ def save_policy(
     learner: Learner,
     normalizer: Normalizer,
     sizes: tuple[int, int],
-    standing: PolicyRecord,
+    record: PolicyRecord,
 ) -> None:
     """Write the deterministic policy of a run to ``path``; ``sizes`` is (N, M)."""
     write_archive(
@@ -48,8 +48,8 @@ def save_policy(
             "action_limit": learner.policy.action_limit,
             "actor": {k: v.detach().cpu().clone() for k, v in learner.policy.actor.state_dict().items()},
             "normalizer": normalizer.state_dict(),
-            "step": standing.step,
-            "evaluation_return": standing.mean_return,
+            "step": record.step,
+            "evaluation_return": record.mean_return,
         },
     )
 
@@ -72,9 +72,9 @@ class TrainedPolicy:
         )
         self.normalizer.load_state_dict(content["normalizer"])
         #: When it was kept, and its evaluation then; None in the file of an engine before 3.
-        self.standing: PolicyRecord | None = None
+        self.record: PolicyRecord | None = None
         if "step" in content:
-            self.standing = PolicyRecord(content["step"], content["evaluation_return"])
+            self.record = PolicyRecord(content["step"], content["evaluation_return"])
 
     def on_training_backend(self) -> Callable[[Tensor, torch.Generator], Tensor]:
         """:meth:`act` on the backend that trained it, so that an evaluation is replayed bit for bit on one machine."""

@@ -190,8 +190,8 @@ class TrainingSession:
         self.interval = IntervalMeans()
         self.interval_seconds = 0.0
 
-    def _save_policy(self, name: str, standing: PolicyRecord) -> None:
-        save_policy(self.run.path / name, self.config, self.learner, self.normalizer, self.sizes, standing)
+    def _save_policy(self, name: str, record: PolicyRecord) -> None:
+        save_policy(self.run.path / name, self.config, self.learner, self.normalizer, self.sizes, record)
 
     def _count_operations(self) -> None:
         """Count the final policy's operations over the episodes of the last evaluation; no run fails of it."""

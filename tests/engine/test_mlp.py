@@ -32,10 +32,10 @@ def test_values_and_gradients_are_autograds(sizes, final_relu, batch):
     torch.testing.assert_close(saved[-1], expected.detach())
     torch.testing.assert_close(bound.forward(x.detach()), expected.detach())
     flat.gradient.fill_(torch.nan)
-    torch.testing.assert_close(bound.vjp(saved, grad_outputs, with_input=True), grad_input, rtol=1e-4, atol=1e-5)
+    torch.testing.assert_close(bound.backward(saved, grad_outputs, with_input=True), grad_input, rtol=1e-4, atol=1e-5)
     for parameter, gradient in zip(parameters, gradients, strict=True):
         torch.testing.assert_close(parameter.grad, gradient, rtol=1e-4, atol=1e-5)
-    assert bound.vjp(saved, grad_outputs) is None
+    assert bound.backward(saved, grad_outputs) is None
 
 
 @pytest.mark.parametrize("batch", [1, 7, 300])
@@ -88,9 +88,9 @@ def test_nan_propagates(member):
 def test_the_last_rows_alone_are_a_minibatch_of_their_own():
     _, bound, flat = bind([6, 33, 3], 1)
     x, grad_outputs = torch.randn(20, 6), torch.randn(1, 8, 3)
-    bound.vjp(last_rows(bound.forward_saving(x), 8), grad_outputs)
+    bound.backward(last_rows(bound.forward_saving(x), 8), grad_outputs)
     found = flat.gradient.clone()
-    bound.vjp(bound.forward_saving(x[12:]), grad_outputs)
+    bound.backward(bound.forward_saving(x[12:]), grad_outputs)
     torch.testing.assert_close(found, flat.gradient, rtol=1e-5, atol=1e-6)
 
 
@@ -106,7 +106,7 @@ def test_the_aan_is_the_plain_module(groups):
     vjp_fn(grad_raw)
     torch.testing.assert_close(raw[-1], expected.detach())
     torch.testing.assert_close(bound.raw(observation, None), raw)
-    torch.testing.assert_close(bound.act(observation[-1], None), raw[-1])
+    torch.testing.assert_close(bound.raw_action(observation[-1], None), raw[-1])
     for parameter, gradient in zip(built.parameters(), gradients, strict=True):
         torch.testing.assert_close(parameter.grad, gradient, rtol=1e-4, atol=1e-5)
 
@@ -120,4 +120,4 @@ def test_what_would_read_beyond_an_array_is_refused(wrong):
     with pytest.raises(ValueError, match=r"target"):
         bound.squared_error_step(torch.zeros(4, 5), torch.zeros(3))
     with pytest.raises(ValueError, match=r"the outputs are \[2, 4, 1\]"):
-        bound.vjp(bound.forward_saving(torch.zeros(4, 5)), torch.zeros(2, 3, 1))
+        bound.backward(bound.forward_saving(torch.zeros(4, 5)), torch.zeros(2, 3, 1))

@@ -55,7 +55,7 @@ def assert_serves(built, batch):
     for parameter, gradient in gradients.items():
         found = parameter.grad
         torch.testing.assert_close(found, gradient, rtol=1e-4, atol=1e-5 * float(gradient.abs().max()))
-    assert torch.equal(bound.act(observation, draws()), expected)
+    assert torch.equal(bound.raw_action(observation, draws()), expected)
     assert torch.equal(bound.raw(observation.unsqueeze(0), draws())[0], expected)
     return gradients
 
@@ -99,7 +99,7 @@ def test_acting_follows_the_parameters(how):
     built, other = exact(actor("bptsan")), exact(actor("bptsan"))
     bound, flat = bind(built)
     observation = torch.randn(4, OBSERVATION_SIZE)
-    before = bound.act(observation, None).clone()
+    before = bound.raw_action(observation, None).clone()
     with torch.no_grad():
         if how == "step":  # the engine's own optimizer writes to the flat tensor
             flat.values.mul_(-1)
@@ -109,8 +109,8 @@ def test_acting_follows_the_parameters(how):
             for parameter in other.parameters():
                 parameter.mul_(-1)
             built.load_state_dict(other.state_dict())
-        assert torch.equal(bound.act(observation, None), built(observation))
-    assert not torch.equal(bound.act(observation, None), before)
+        assert torch.equal(bound.raw_action(observation, None), built(observation))
+    assert not torch.equal(bound.raw_action(observation, None), before)
 
 
 def test_a_copy_would_hold_the_addresses_of_the_original():
@@ -123,7 +123,7 @@ def test_a_copy_would_hold_the_addresses_of_the_original():
 def test_buffers_are_bounded_however_many_sizes_come():
     bound, _ = bind(actor("popsan"))
     for samples in range(1, 60):
-        bound.act(torch.zeros(samples, OBSERVATION_SIZE), None)
+        bound.raw_action(torch.zeros(samples, OBSERVATION_SIZE), None)
     assert len(bound._workspaces) <= 6
 
 
@@ -146,7 +146,7 @@ def test_passes_of_other_sizes_do_not_disturb_each_other():
     expected = flat.gradient.clone()
     _, _, vjp_fn = bound.vjp(one, None, False)
     bound.raw(other, None)
-    bound.act(one[0], None)
+    bound.raw_action(one[0], None)
     vjp_fn(grad_raw)
     assert torch.equal(flat.gradient, expected)
 
@@ -167,7 +167,7 @@ def test_what_would_read_beyond_an_array_is_refused():
     with pytest.raises(ValueError, match=r"12 columns of torch\.float32, the encoder takes 11"):
         bound.raw(torch.zeros(1, 2, 12), None)
     with pytest.raises(ValueError, match=r"torch.float64"):
-        bound.act(torch.zeros(2, OBSERVATION_SIZE).double(), None)
+        bound.raw_action(torch.zeros(2, OBSERVATION_SIZE).double(), None)
     _, _, vjp_fn = bound.vjp(torch.zeros(1, 2, OBSERVATION_SIZE), None, False)
     for wrong in (torch.zeros(3, 3), torch.zeros(2, 3).double()):
         with pytest.raises(ValueError, match=r"raw action is \[2, 3\], float32"):

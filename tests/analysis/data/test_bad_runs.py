@@ -110,7 +110,6 @@ LEFT_OUT = {
     ),
     "no interval": (config("  evaluation_interval: 10000\n", ""), "config.yaml lacks protocol.evaluation_interval"),
     "an interval of 0": (config("evaluation_interval: 10000", "evaluation_interval: 0"), "evaluation_interval = 0"),
-    "no sizes of a spiking actor": (config("  time_steps: 5\n", ""), "config.yaml lacks actor.time_steps"),
     "a configuration that is a list": (lambda run: (run / "config.yaml").write_text("[1]"), "not a table of keys"),
     "an alias bomb": (lambda run: (run / "config.yaml").write_text(BOMB), "more than 20,000 values"),
     "an alias bomb of merged keys": (lambda run: (run / "config.yaml").write_text(MERGE_BOMB), "more than 20,000"),
