@@ -109,8 +109,8 @@ def display(total_steps: int) -> Iterator[Progress]:
 
 
 def say(console: Console, text: str) -> None:
-    """Print text as it is: no colours, no wrapped lines, so that a path can be copied and a line searched for."""
-    console.print(text, highlight=False, markup=False, soft_wrap=True)
+    """Print text as it is (no colours, emoji, wrapped lines), so that a path can be copied and a line searched for."""
+    console.print(text, highlight=False, markup=False, emoji=False, soft_wrap=True)
 
 
 def pace(last_return: float | None, steps_per_second: float, steps_left: int) -> str:

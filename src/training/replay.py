@@ -101,7 +101,7 @@ class TransitionLog(Storage):
         return self._length
 
     def set(self, cursor: Any, data: Transitions, *, set_cursor: bool = True) -> None:
-        """Append transitions [F], whatever TorchRL's cursor says: the log's length is its only one.
+        """Append transitions [F], whatever TorchRL's cursor says (it begins anew at a resume): the length is the log's.
 
         Raises:
             OSError: no space (``ENOSPC``, ``EDQUOT``) or the file may not grow (``EFBIG``); nothing has been appended.
@@ -127,7 +127,8 @@ class TransitionLog(Storage):
 
     def get(self, index: Tensor) -> tuple[Tensor, ...]:
         """``observation, action, reward, next_observation, terminated`` at the indices [B]: new, contiguous tensors."""
-        return tuple(torch.index_select(column, 0, index) for column in self._columns)
+        rows = torch.as_tensor(index)  # TorchRL's own indexing gives an array
+        return tuple(torch.index_select(column, 0, rows) for column in self._columns)
 
     def truncate(self, length: int) -> None:
         """Hold exactly the first ``length`` transitions of the file: how a resumed run goes back to its checkpoint.

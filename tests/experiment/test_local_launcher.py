@@ -1,9 +1,12 @@
 """One job's end, whatever it is, takes no other job with it, and manifest, table and exit code agree."""
 
 import re
+from types import SimpleNamespace
+from unittest.mock import Mock
 
 import pytest
 
+from src.experiment.launch.local import LocalSettings, Pool
 from tests.experiment.command import calls, manifest, run, run_path
 
 
@@ -108,3 +111,13 @@ def test_threads_are_set_in_the_environment_of_the_job():
     from src.experiment.process import thread_environment
 
     assert thread_environment(3)["OMP_NUM_THREADS"] == "3"
+
+
+def test_a_job_killed_as_hung_stays_hung_when_a_last_sign_arrives():
+    job = SimpleNamespace(hung=False, process=Mock(), silent_seconds=Mock(side_effect=[999.0, 0.0]))
+    pool = Pool(LocalSettings(n_jobs=1, grace_seconds=1.0, hang_minutes=1.0), 1, Mock())
+    pool._jobs = [job]
+    pool._watch()
+    pool._watch()
+    assert job.process.kill.call_count == 2
+    assert "hung" in pool._cause_of_death(job, -9)

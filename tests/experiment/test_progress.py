@@ -1,6 +1,7 @@
 """If these fail, logs are flooded, or the heartbeat that others trust stops."""
 
 import pytest
+from rich.console import Console
 
 from src.experiment import progress
 from src.experiment.ownership import acquire
@@ -49,3 +50,9 @@ def test_durations_are_for_people():
     told = [progress.duration(seconds) for seconds in (3, 89, 300, 5369, 5400, 36000)]
     assert told == ["3 s", "89 s", "5 min", "89 min", "1 h 30 min", "10 h 00 min"]
     assert progress.time_left(100, 0.0) == "?"
+
+
+def test_a_line_is_printed_as_it_is(capsys):
+    text = "results/:x:/[red]seed_0[/red] failed: " + "why " * 50
+    progress.say(Console(), text)
+    assert capsys.readouterr().out == f"{text}\n"

@@ -55,6 +55,7 @@ def test_what_is_sampled_is_what_was_stored(tmp_path: Path) -> None:
     stored, index = block(0, 500), (found.reward / 2).long()
     for name in found._fields:
         assert torch.equal(getattr(found, name), getattr(stored, name)[index]), name
+    assert torch.equal(buffer[torch.tensor([7])][0], stored.observation[7:8])
 
 
 def test_samples_are_copies(tmp_path: Path) -> None:

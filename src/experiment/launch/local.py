@@ -164,7 +164,8 @@ class Pool:
     def _watch(self) -> None:
         overdue = self._interrupts and (time.monotonic() > self._deadline or self._interrupts > 1)
         for job in self._jobs:
-            job.hung = self._hang_seconds is not None and job.silent_seconds() > self._hang_seconds
+            silent = self._hang_seconds is not None and job.silent_seconds() > self._hang_seconds
+            job.hung = job.hung or silent  # a killed job may give a last sign before it dies
             if overdue or job.hung:
                 job.process.kill()
 
