@@ -179,11 +179,11 @@ def test_sampling_copies_once(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not psutil.LINUX, reason="only Linux tells")
 def test_the_pages_of_one_file_are_found_among_the_mappings(tmp_path: Path) -> None:
-    path = tmp_path / "replay.bin"
+    path = tmp_path / "the only file of this name"
     path.write_bytes(bytes(2**21))
     with path.open("r+b") as file, mmap.mmap(file.fileno(), 0) as mapped:
         assert mapped[::4096] == bytes(512)  # every page is read
-        found = process_memory.look(os.getpid(), "replay.bin")
+        found = process_memory.look(os.getpid(), "the only file of this name")
     assert found["replay_resident"] == pytest.approx(2**21 / 1e6) and found["replay_anonymous"] == 0.0
     assert found["anonymous"] > 1.0 and found["file"] >= found["replay_resident"]
 
