@@ -13,6 +13,7 @@ from itertools import product
 import torch
 
 from benchmarks.configuration import compose
+from benchmarks.floor import one_thread
 from src.algorithms.build import build_learner
 from src.algorithms.learner import Batch, Learner
 from src.engine import blas
@@ -76,11 +77,12 @@ def main() -> None:
     arguments = parser.parse_args()
     set_numerics(threads=1)
     print(blas.select(arguments.blas))
-    for algo, actor in product(("td3", "sac"), ACTORS):
-        for encoder in ("task",) if actor == "aan" else ("deterministic", "poisson"):
-            print(line(algo=algo, actor=actor, encoder=encoder), flush=True)
-    for algo, variant in product(("td3", "sac"), VARIANTS):
-        print(line(*variant, algo=algo, actor="bptsan", encoder="poisson"), flush=True)
+    with one_thread():
+        for algo, actor in product(("td3", "sac"), ACTORS):
+            for encoder in ("task",) if actor == "aan" else ("deterministic", "poisson"):
+                print(line(algo=algo, actor=actor, encoder=encoder), flush=True)
+        for algo, variant in product(("td3", "sac"), VARIANTS):
+            print(line(*variant, algo=algo, actor="bptsan", encoder="poisson"), flush=True)
 
 
 if __name__ == "__main__":

@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 import torch
 from numba import int64, void
+from threadpoolctl import threadpool_limits
 from torch import Tensor
 
 from src.config.schema import ExperimentConfig, SACConfig, SpikingActorConfig
@@ -27,6 +28,18 @@ from src.engine import blas
 from src.engine.jit import kernel
 from src.engine.primitives import multiply
 from src.engine.td3 import target_groups
+
+LIBRARIES = ("mkl", "openblas")
+
+
+def one_thread() -> threadpool_limits:
+    """A context in which the BLAS libraries compute on one thread, as in a run, whatever the environment says.
+
+    A library reads its variable (``OPENBLAS_NUM_THREADS``) as it loads, so that both are loaded here.
+    """
+    for library in LIBRARIES:
+        blas.address(library)
+    return threadpool_limits(limits=1, user_api="blas")
 
 
 class Product(NamedTuple):
@@ -160,7 +173,7 @@ class Floor:
                 times.append(time.perf_counter() - started)
             return min(times)
 
-        return min((name for name in ("mkl", "openblas") if blas.address(name) is not None), key=fastest)
+        return min((name for name in LIBRARIES if blas.address(name) is not None), key=fastest)
 
 
 def _call(product: Product) -> tuple[int, ...]:

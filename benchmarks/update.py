@@ -13,7 +13,7 @@ from typing import NamedTuple
 import torch
 
 from benchmarks.configuration import compose
-from benchmarks.floor import Floor, products_of_a_burst
+from benchmarks.floor import Floor, one_thread, products_of_a_burst
 from benchmarks.spread import Spread
 from benchmarks.topic import Row, Topic, console
 from src.algorithms.build import build_learner
@@ -75,10 +75,11 @@ def measure(config: ExperimentConfig, sizes: tuple[int, int], rounds: int) -> Ti
     count = config.protocol.update_every
     burst = random_burst(count, config.algo.batch_size, *sizes)
     products = Floor(products_of_a_burst(config, *sizes))
-    library = products.best_library()
     pairs = []
-    for _ in range(rounds + 1):
-        pairs.append((seconds(lambda: learner.learn(burst)), seconds(lambda: products.run(library))))
+    with one_thread():
+        library = products.best_library()
+        for _ in range(rounds + 1):
+            pairs.append((seconds(lambda: learner.learn(burst)), seconds(lambda: products.run(library))))
     pairs = pairs[1:]
     return Timing(
         update_ms=Spread.of(u for u, _ in pairs).scaled(1e3 / count),

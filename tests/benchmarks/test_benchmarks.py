@@ -7,7 +7,7 @@ import math
 import mmap
 import os
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from multiprocessing import Pipe
 from pathlib import Path
 from typing import Any
@@ -15,14 +15,16 @@ from typing import Any
 import psutil
 import pytest
 import torch
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from benchmarks import __main__ as command
-from benchmarks import floor, memory, peers, process_memory, race
+from benchmarks import floor, memory, peers, process_memory, race, update
 from benchmarks.configuration import compose
 from benchmarks.relay import Turns, Window
 from benchmarks.sb3_loop import MISSING
 from benchmarks.spread import Spread
 from benchmarks.topic import Topic
+from src.engine import blas
 from src.experiment import process
 
 
@@ -67,6 +69,23 @@ def test_quick_topics_give_finite_positive_numbers_in_valid_json(
     shown = capsys.readouterr().out
     assert "update over its products" in shown
     assert content["machine"]["versions"]["torch"] in shown
+
+
+def test_updates_and_their_products_are_timed_on_one_thread_whatever_the_environment_says(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    threads = []
+
+    def timed(call: Callable[[], object]) -> float:
+        call()
+        threads.extend(found["num_threads"] for found in threadpool_info() if found["user_api"] == "blas")
+        return 1.0
+
+    monkeypatch.setattr(update, "seconds", timed)
+    blas.address("openblas")
+    with threadpool_limits(limits=2, user_api="blas"):  # as OPENBLAS_NUM_THREADS=2 would do, or two free cores
+        update.measure(compose("protocol.update_every=1", algo="td3", env="hopper", actor="aan"), (11, 3), rounds=1)
+    assert set(threads) == {1}
 
 
 def test_the_floors_operations_are_those_counted_by_hand() -> None:
