@@ -29,16 +29,14 @@ from src.engine.jit import kernel
 from src.engine.primitives import multiply
 from src.engine.td3 import target_groups
 
-LIBRARIES = ("mkl", "openblas")
-
 
 def one_thread() -> threadpool_limits:
-    """A context in which the BLAS libraries compute on one thread, as in a run, whatever the environment says.
+    """A context in which OpenBLAS computes on one thread, as in a run, whatever the environment says.
 
-    A library reads its variable (``OPENBLAS_NUM_THREADS``) as it loads, so that both are loaded here.
+    It reads its variable (``OPENBLAS_NUM_THREADS``) as it loads, and here it may be loaded already, or is loaded now.
+    (PyTorch's MKL goes by ``torch.set_num_threads``.)
     """
-    for library in LIBRARIES:
-        blas.address(library)
+    blas.address("openblas")
     return threadpool_limits(limits=1, user_api="blas")
 
 
@@ -173,7 +171,7 @@ class Floor:
                 times.append(time.perf_counter() - started)
             return min(times)
 
-        return min((name for name in LIBRARIES if blas.address(name) is not None), key=fastest)
+        return min((name for name in ("mkl", "openblas") if blas.address(name) is not None), key=fastest)
 
 
 def _call(product: Product) -> tuple[int, ...]:
