@@ -27,7 +27,7 @@ from src.experiment import process
 from src.experiment.files import replace_file
 
 #: Each is a module with ``topic(quick)``.
-TOPICS = ("update", "peers", "reference", "growth", "memory", "two_jobs")
+TOPICS = ("update", "peers", "reference", "growth", "memory", "two_jobs", "gpu")
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -18,7 +18,7 @@ import torch
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from benchmarks import __main__ as command
-from benchmarks import floor, memory, peers, process_memory, race, update
+from benchmarks import floor, gpu, memory, peers, process_memory, race, update
 from benchmarks.configuration import compose
 from benchmarks.relay import Turns, Window
 from benchmarks.sb3_loop import MISSING
@@ -207,6 +207,18 @@ def test_the_pages_of_one_file_are_found_among_the_mappings(tmp_path: Path) -> N
         found = process_memory.look(os.getpid(), "the only file of this name")
     assert found["replay_resident"] == pytest.approx(2**21 / 1e6) and found["replay_anonymous"] == 0.0
     assert found["anonymous"] > 1.0 and found["file"] >= found["replay_resident"]
+
+
+def test_without_a_gpu_its_topic_says_so_and_measures_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    topic = gpu.topic(quick=True)
+    assert topic.rows == [] and "no CUDA GPU" in topic.notes[0]
+
+
+def test_an_update_on_a_device_and_on_one_core_is_timed_in_pairs() -> None:
+    device = "cuda" if torch.cuda.is_available() else "cpu"
+    for spread in gpu.measure("aan", 10, device, count=2, rounds=2):
+        assert spread.rounds == 2 and 0 < spread.low <= spread.median <= spread.high
 
 
 def test_memory_on_a_machine_without_proc_is_a_sentence_not_zero(
