@@ -53,7 +53,13 @@ class Claim:
 
 @dataclass(frozen=True)
 class Claims:
-    """The whole file. ``reference_scores``: returns by task and ``random`` or algorithm."""
+    """The whole file.
+
+    Attributes:
+        reference_scores: returns by task and ``random`` or algorithm.
+        tasks_planned: whether ``tasks`` are a plan, as in a study's own file: until all of them are there, its verdicts
+            are interim. The project's file lists the paper's tasks, of which a study may run some.
+    """
 
     alpha: float
     power: float
@@ -65,6 +71,7 @@ class Claims:
     tasks: tuple[str, ...]
     claims: tuple[Claim, ...]
     reference_scores: dict[str, dict[str, float]] = field(default_factory=dict)
+    tasks_planned: bool = False
 
 
 _STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
@@ -177,6 +184,7 @@ def read_claims(path: Path = FILE) -> Claims:
         tasks=tasks,
         claims=claims,
         reference_scores=file.reference_scores,
+        tasks_planned=path.resolve() != FILE.resolve(),
     )
 
 

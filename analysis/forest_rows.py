@@ -8,8 +8,8 @@ from typing import Any
 
 from analysis.data.names import actor_name, task_name
 from analysis.tables import pair
-from analysis.verdicts import ClaimResult, Judgement, Stage, TaskResult, Verdict
-from analysis.verdicts.wording import confound_words, removes_words, verdict_words
+from analysis.verdicts import ClaimResult, Judgement, TaskResult, Verdict
+from analysis.verdicts.wording import confound_words, removes_words, stage_words, verdict_words
 
 
 @dataclass(frozen=True)
@@ -58,8 +58,8 @@ def _claim(result: ClaimResult, judgement: Judgement) -> ForestRow:
     every = len(result.tasks)
     over = f"{len(tasks)} of {every} tasks" if len(tasks) < every else f"{every} task{'s' * (every != 1)}"
     remark = f"over {over}" if tasks else "no task with comparable finished runs"
-    if result.stage is Stage.INTERIM:
-        remark += f"; interim, {result.n} of {judgement.rule.planned_seeds} seeds"
+    if stage := stage_words(result, judgement.rule.planned_seeds):
+        remark += f"; {stage}"
     if result.every_task is not None and every > 1:
         remark += f"; on every task: {result.every_task}"
     remark = "; ".join(filter(None, (remark, confound_words(result))))

@@ -5,6 +5,7 @@
     judgement.results              one ClaimResult per algorithm and claim; families declared, user, exploratory
       .claim                         name, text, kind, family, arms, weights, tasks
       .stage, .n, rule.planned_seeds TOO_FEW, INTERIM ("interim, 6 of 10") or FINAL, by the least n over the arms
+                                     and the planned tasks
       .pooled                        Contrast in normalised points: estimate, low, high (95 %, unadjusted), p, df, error
       .covered, .missing             task names that it is over; TaskResults that it is not over, with .exclusion
       .verdict, .adjusted_p          layer 1

@@ -5,7 +5,8 @@
 3. Every task: twice the largest one-sided p over a claim's tasks; Holm over the family; needs layer 1.
 4. Equal: two one-sided tests against the smallest relevant effect (``equality``); Holm over the family.
 
-Before all planned seeds have finished, layer 1 alone is judged, at ``interim_alpha``.
+Before all planned seeds have finished, on all planned tasks where a study has such a plan, layer 1 alone is judged, at
+``interim_alpha``: a verdict on the tasks that came first would be one more look.
 """
 
 from __future__ import annotations
@@ -44,7 +45,9 @@ class ClaimContrasts:
         """Where the claim stands in its plan."""
         if self.n < TEST_SEEDS:
             return Stage.TOO_FEW
-        return Stage.INTERIM if self.n < claims.planned_seeds else Stage.FINAL
+        tasks = self.sample.tasks if claims.tasks_planned else [task for task in self.sample.tasks if task.pooled]
+        finished = all(len(arm) >= claims.planned_seeds for task in tasks for arm in task.arms)
+        return Stage.FINAL if finished else Stage.INTERIM
 
     @property
     def every_task_p(self) -> float:

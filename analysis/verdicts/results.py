@@ -27,7 +27,7 @@ class Verdict(StrEnum):
 
 
 class Stage(StrEnum):
-    """Where a claim stands in its plan, by the least number of seeds in its arms."""
+    """Where a claim stands in its plan, by the least number of seeds in its arms and by its planned tasks."""
 
     TOO_FEW = "too few seeds"  # under 5: estimates only
     INTERIM = "interim"  # under the plan: layer 1 alone, at the interim alpha

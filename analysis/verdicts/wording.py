@@ -48,8 +48,11 @@ def verdict_words(result: ClaimResult | AlgorithmsResult) -> str:
 
 
 def stage_words(result: ClaimResult, planned: int) -> str:
-    """``interim, 6 of 10 seeds``; empty where the plan is done or verdicts are not given yet."""
-    return f"interim, {result.n} of {planned} seeds" if result.stage is Stage.INTERIM else ""
+    """``interim, 6 of 10 seeds``, ``interim, 1 of 2 planned tasks``; empty before the first look and after the plan."""
+    if result.stage is not Stage.INTERIM:
+        return ""
+    of_plan = f"{result.n} of {planned} seeds" if result.n < planned else f"{tasks_words(result)} planned tasks"
+    return f"interim, {of_plan}"
 
 
 def tasks_words(result: ClaimResult) -> str:
@@ -192,6 +195,7 @@ def _and(names: Sequence[str]) -> str:
 def rule_words(judgement: Judgement) -> list[str]:
     """The verdict rule with this file's numbers, and what it can detect."""
     rule = judgement.rule
+    planned_tasks = f" on {_and([task_name(env) for env in rule.tasks])}" if rule.tasks_planned else ""
     sentences = [
         "Seeds are the unit; final performance is compared, in normalised points (100: the AAN reference). An answer "
         "is one contrast of means pooled over the tasks, Welch's test with Welch–Satterthwaite degrees of freedom, "
@@ -202,9 +206,9 @@ def rule_words(judgement: Judgement) -> list[str]:
         "every task: twice the largest one-sided p of the tasks, Holm over the claims; one contradicted task "
         f"contradicts. No relevant difference: the pooled 90% interval lies within ±{rule.smallest_effect:g} points, "
         "also if one more run of an arm had failed.",
-        f"Seeds 0 to {rule.planned_seeds - 1} decide. Before all have finished only the pooled effect is judged, at "
-        f"adjusted p below {rule.interim_alpha:g}. The paper's claims take the paper's actors only; labels that no "
-        f"claim names are compared with {', '.join(map(actor_name, rule.baselines))}, as exploratory.",
+        f"Seeds 0 to {rule.planned_seeds - 1}{planned_tasks} decide. Before all have finished only the pooled effect "
+        f"is judged, at adjusted p below {rule.interim_alpha:g}. The paper's claims take the paper's actors only; "
+        f"labels that no claim names are compared with {', '.join(map(actor_name, rule.baselines))}, as exploratory.",
     ]
     declared = sum(claim.family is Family.DECLARED for claim in rule.claims)
     if declared:

@@ -38,6 +38,7 @@ def test_a_studys_own_file_holds_and_a_given_one_before_it(tmp_path):
     own = written(tmp_path)
     assert claims_path(tmp_path) == own
     assert claims_path(tmp_path, FILE) == FILE
+    assert read_claims(own).tasks_planned and not read_claims(FILE).tasks_planned
 
 
 def test_without_baselines_the_papers_are_meant(tmp_path):

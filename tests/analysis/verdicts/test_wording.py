@@ -28,6 +28,16 @@ def test_the_headline_names_every_answer_and_says_where_the_plan_is_not_done(tmp
     assert "TD3 (interim, 6 of 10 seeds): supported" in wording.headline(judgement_of(tmp_path / "s", planned=10))
 
 
+def test_the_tasks_of_a_studys_own_plan_are_named_where_some_are_missing(tmp_path):
+    write_grid(tmp_path / "s", {"bptsan": 1500.0}, actors=("popsan", "bptsan"), seeds=5, noise=30)
+    study = read_study(tmp_path / "s")
+    judgement = judge(study, cells_of(study), replace(CLAIMS, planned_seeds=5, tasks_planned=True))
+    assert wording.headline(judgement).startswith("TD3 (interim, 1 of 4 planned tasks): supported: BPT-SAN beats the")
+    assert "Seeds 0 to 4 on Hopper-v4, Walker2d-v4, HalfCheetah-v4 and Ant-v4 (N=111) decide." in " ".join(
+        wording.rule_words(judgement)
+    )
+
+
 def test_many_claims_that_are_not_decided_are_counted_and_decided_ones_named(tmp_path):
     write_grid(tmp_path / "s", {"aan": 3000.0}, actors=("aan", "popsan", "bptsan"), seeds=5, noise=300)
     study = read_study(tmp_path / "s")
