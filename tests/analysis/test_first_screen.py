@@ -150,7 +150,8 @@ def test_the_rule_is_computed_from_the_studys_own_claims_file(tmp_path):
     content = json.loads((tmp_path / "s/statistics/tables.json").read_text())
     rule = " ".join(content["overview"]["rule"])
     assert "adjusted p below 0.01" in rule and "adjusted p below 0.002" in rule and "within ±7 points" in rule
-    assert "detected with 90% power at the first of 1 Holm steps" in rule and "Seeds 0 to 4 decide" in rule
+    assert "detected with 90% power at the first of 1 Holm steps" in rule
+    assert "Seeds 0 to 4 on Hopper-v4 decide." in rule
     tables = {table["name"]: table for table in content["tables"]}
     source = tables["claims"]["headers"].index("Source")
     assert [row[source] for row in tables["claims"]["rows"]] == ["declared", "yours"]
